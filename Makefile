@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: MIT
+# `make demo` and `make test` set up what they need: packages, build, installation.
+
+PY := /usr/bin/python3
+BUILD := build
+CMAKE_FLAGS ?=
+TIMEOUT ?= 1500
+
+SUDO := $(if $(filter-out 0,$(shell id -u)),sudo)
+PACKAGES := $(shell sed 's/\#.*//' packages.debian)
+CPP_FILES = $(shell find cpp -name '*.h' -o -name '*.cpp')
+
+# One BLAS thread a process; pictures go to files; more ranks than cores are welcome, whatever the
+# version of Open MPI (Debian 12 | 13 | unstable), as root in a container too.
+OMP_NUM_THREADS ?= 1
+MPLBACKEND := Agg
+OMPI_ALLOW_RUN_AS_ROOT := 1
+OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+OMPI_MCA_rmaps_base_oversubscribe := 1
+PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
+PRTE_MCA_mapby := :oversubscribe
+OMPI_MCA_btl_vader_single_copy_mechanism := none
+export OMP_NUM_THREADS MPLBACKEND OMPI_ALLOW_RUN_AS_ROOT OMPI_ALLOW_RUN_AS_ROOT_CONFIRM \
+  OMPI_MCA_rmaps_base_oversubscribe PRTE_MCA_rmaps_default_mapping_policy PRTE_MCA_mapby \
+  OMPI_MCA_btl_vader_single_copy_mechanism
+
+.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 sanitize bench \
+  format check-format clean
+.NOTPARALLEL:
+
+help:
+	@echo "make demo          press two blocks together and draw the contact pressure"
+	@echo "make test          C++ and Python tests, on 1, 2 and 3 MPI ranks"
+	@echo "make install       build, and install the Python package for $(PY)"
+	@echo "make sanitize      C++ tests with address and undefined-behaviour sanitizers"
+	@echo "make bench         C++ benchmarks"
+	@echo "make format        format C++ and Python; make check-format only checks"
+	@echo "make clean         remove $(BUILD)/"
+
+demo: install
+	$(PY) demos/two_blocks.py
+
+test: install ctest pytest-1 pytest-2 pytest-3
+
+# --- set-up ----------------------------------------------------------------------------------
+
+# Installs what is missing of packages.debian; elsewhere than on Debian leaves it to the user.
+packages:
+	@command -v apt-get >/dev/null || { echo "No apt-get here: see packages.debian for what is needed"; exit 0; }; \
+	missing=; \
+	for p in $(PACKAGES); do \
+	  test "$$(dpkg-query -W -f '$${db:Status-Status}' $$p 2>/dev/null)" = installed || missing="$$missing $$p"; \
+	done; \
+	test -z "$$missing" || { echo "Installing$$missing" \
+	  && $(SUDO) apt-get -qq -o DPkg::Lock::Timeout=300 update </dev/null \
+	  && $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 \
+	       install -y --no-install-recommends $$missing </dev/null; }
+
+$(BUILD)/build.ninja: CMakeLists.txt | packages
+	cmake -S . -B $(BUILD) -G Ninja -DPython3_EXECUTABLE=$(PY) $(CMAKE_FLAGS)
+	@touch $@
+
+install: packages $(BUILD)/build.ninja
+	cmake --build $(BUILD) --target dolfinx_contact_core _cpp
+	@dir=$$($(PY) -c 'import sysconfig; print(sysconfig.get_path("platlib"))'); \
+	while ! test -e "$$dir"; do dir=$$(dirname "$$dir"); done; \
+	if test -w "$$dir" && test -w /usr/local/lib; then sudo=; else sudo="$(SUDO)"; fi; \
+	$$sudo cmake --install $(BUILD)
+
+# --- tests -----------------------------------------------------------------------------------
+
+ctest: packages $(BUILD)/build.ninja
+	cmake --build $(BUILD)
+	cd $(BUILD) && timeout --foreground -k 10 $(TIMEOUT) ctest --output-on-failure --no-tests=error </dev/null
+
+# One process prints (tests/conftest.py); a failure of any, or a hang, fails the target.
+pytest-1 pytest-2 pytest-3: pytest-%: install
+	timeout --foreground -k 10 $(TIMEOUT) mpirun -n $* $(PY) -m pytest -q --color=no -p no:cacheprovider tests </dev/null
+
+sanitize: packages
+	cmake -S . -B $(BUILD)/sanitize -G Ninja -DPython3_EXECUTABLE=$(PY) -DDOLFINX_CONTACT_SANITIZE=ON $(CMAKE_FLAGS)
+	cmake --build $(BUILD)/sanitize
+	cd $(BUILD)/sanitize && ASAN_OPTIONS=detect_leaks=0 ctest --output-on-failure --no-tests=error </dev/null
+
+bench: packages $(BUILD)/build.ninja
+	cmake --build $(BUILD)
+	$(BUILD)/contact_bench
+
+# --- the source's looks ----------------------------------------------------------------------
+
+format: packages
+	clang-format -i $(CPP_FILES)
+	$(PY) -m black -q -l 99 .
+
+check-format: packages
+	clang-format --dry-run -Werror $(CPP_FILES)
+	$(PY) -m black --check -l 99 .
+
+clean:
+	rm -rf $(BUILD)

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: MIT
+//
+// The only file that knows pybind11. Arrays are row-major; PETSc objects arrive as their handles
+// (petsc4py: mat.handle), which are borrowed for the time of the call.
+#include "../assembly/assembler.h"
+#include "../assembly/pattern.h"
+#include "../parallel/exchange.h"
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+using namespace dolfinx_contact;
+
+namespace
+{
+template <typename T>
+using array = py::array_t<T, py::array::c_style | py::array::forcecast>;
+
+template <typename T>
+std::span<const T> span(const array<T>& a)
+{
+  return {a.data(), static_cast<std::size_t>(a.size())};
+}
+
+template <typename T>
+std::vector<T> vector(const array<T>& a)
+{
+  return {a.data(), a.data() + a.size()};
+}
+
+template <typename T>
+py::array_t<T> as_array(const std::vector<T>& v, std::vector<py::ssize_t> shape)
+{
+  py::array_t<T> out(std::move(shape));
+  std::copy(v.begin(), v.end(), out.mutable_data());
+  return out;
+}
+
+MPI_Comm communicator(std::int64_t fortran)
+{
+  return MPI_Comm_f2c(static_cast<MPI_Fint>(fortran));
+}
+
+void declare_geometry(py::module_& m)
+{
+  py::enum_<Shape>(m, "Shape")
+      .value("interval", Shape::interval)
+      .value("triangle", Shape::triangle)
+      .value("quadrilateral", Shape::quadrilateral);
+
+  py::class_<TraceBasis>(m, "TraceBasis")
+      .def(py::init([](int dim, const array<std::int32_t>& powers, const array<double>& c)
+                    { return TraceBasis(dim, span(powers), span(c)); }),
+           py::arg("facet_dim"), py::arg("powers"), py::arg("coefficients"))
+      .def_property_readonly("nodes", &TraceBasis::nodes)
+      .def_property_readonly("degree", &TraceBasis::degree)
+      .def("values",
+           [](const TraceBasis& b, const array<double>& xi)
+           {
+             std::vector<double> N(b.nodes());
+             b.values(xi.data(), N.data());
+             return N;
+           });
+
+  py::class_<Surface>(m, "Surface")
+      .def(py::init(
+               [](int dim, Shape shape, const TraceBasis& position, const TraceBasis& displacement,
+                  const array<double>& interpolation, const array<double>& hull,
+                  const array<std::int64_t>& id, const array<std::int64_t>& vertices,
+                  const array<std::int64_t>& nodes, const array<double>& X,
+                  const array<std::int8_t>& sigma)
+               {
+                 Surface s;
+                 s.dim = dim;
+                 s.ref = {shape, position, displacement, vector(interpolation), vector(hull)};
+                 s.id = vector(id);
+                 s.vertices = vector(vertices);
+                 s.nodes = vector(nodes);
+                 s.X = vector(X);
+                 s.sigma = vector(sigma);
+                 s.ends.assign(s.id.size(), 0);
+                 s.candidate.assign(s.id.size(), 1);
+                 s.number_nodes();
+                 return s;
+               }),
+           py::arg("dim"), py::arg("shape"), py::arg("position"), py::arg("displacement"),
+           py::arg("interpolation"), py::arg("hull"), py::arg("id"), py::arg("vertices"),
+           py::arg("nodes"), py::arg("X"), py::arg("sigma"))
+      .def("__len__", &Surface::size)
+      .def_property_readonly("id", [](const Surface& s) { return as_array(s.id, {s.size()}); })
+      .def_property_readonly("ends", [](const Surface& s) { return as_array(s.ends, {s.size()}); })
+      .def_property_readonly("sigma",
+                             [](const Surface& s) { return as_array(s.sigma, {s.size()}); })
+      .def_property_readonly("candidate",
+                             [](const Surface& s) { return as_array(s.candidate, {s.size()}); })
+      .def_property_readonly("nodes",
+                             [](const Surface& s) { return as_array(s.nodes, {s.size(), s.nu()}); })
+      .def_property_readonly("X",
+                             [](const Surface& s) { return as_array(s.X, {s.size(), s.np(), s.dim}); })
+      .def_property_readonly("x",
+                             [](const Surface& s) { return as_array(s.x, {s.size(), s.np(), s.dim}); })
+      .def_property_readonly(
+          "node_table",
+          [](const Surface& s)
+          { return as_array(s.node_table, {static_cast<py::ssize_t>(s.node_table.size())}); })
+      .def("displace", [](Surface& s, const array<double>& u) { s.displace(span(u)); })
+      .def("boxes",
+           [](const Surface& s) { return as_array(s.boxes(), {s.size(), 2, s.dim}); })
+      .def("diameters",
+           [](const Surface& s)
+           {
+             std::vector<double> d(s.size());
+             for (int f = 0; f < s.size(); ++f)
+               d[f] = s.diameter(f);
+             return as_array(d, {s.size()});
+           });
+
+  m.def("with_ring", [](std::int64_t comm, const Surface& own)
+        { return with_ring(communicator(comm), own); });
+  m.def("with_targets",
+        [](std::int64_t comm, const Surface& ringed, int num_own, const array<double>& boxes,
+           double radius)
+        { return with_targets(communicator(comm), ringed, num_own, span(boxes), radius); });
+}
+
+void declare_particles(py::module_& m)
+{
+  py::class_<ParticleRule>(m, "ParticleRule")
+      .def(py::init(
+               [](const array<double>& points, const array<double>& weights)
+               { return ParticleRule{vector(points), vector(weights)}; }),
+           py::arg("points"), py::arg("weights"))
+      .def_property_readonly("points",
+                             [](const ParticleRule& r)
+                             {
+                               const py::ssize_t n = r.size(), q = n ? r.points.size() / n : 0;
+                               return as_array(r.points, {n, q});
+                             })
+      .def_property_readonly("weights",
+                             [](const ParticleRule& r) { return as_array(r.weights, {r.size()}); });
+  m.def("simpson", &simpson);
+  m.def("particle_weights",
+        [](const Surface& s, const ParticleRule& r, bool axisymmetric)
+        { return as_array(particle_weights(s, r, axisymmetric), {s.size(), r.size()}); });
+  m.def("lumped_weights",
+        [](const Surface& s, const TraceBasis& psi, const ParticleRule& r, bool axisymmetric)
+        { return as_array(lumped_weights(s, psi, r, axisymmetric), {s.size(), psi.nodes()}); });
+
+  py::enum_<TargetRule>(m, "TargetRule")
+      .value("proximity", TargetRule::proximity)
+      .value("direction", TargetRule::direction);
+  py::enum_<NormalRule>(m, "NormalRule")
+      .value("facet", NormalRule::facet)
+      .value("direction", NormalRule::direction);
+}
+
+// Columns of the particle table, one row a particle.
+template <int D>
+py::dict particle_table(const Assembler<D>& a)
+{
+  using State = typename Assembler<D>::State;
+  const Surface& slave = a.slave();
+  const Particles& particles = a.particles();
+  const std::vector<State>& states = a.states();
+  const py::ssize_t n = states.size(), np = particles.rule.size();
+  py::array_t<double> X({n, py::ssize_t(D)}), x({n, py::ssize_t(D)}), y({n, py::ssize_t(D)}),
+      normal({n, py::ssize_t(D)}), traction({n, py::ssize_t(D)}), gap(n), lambda(n), weight(n);
+  py::array_t<bool> closed(n);
+  py::array_t<std::int64_t> facet(n), target(n);
+  for (py::ssize_t i = 0; i < n; ++i)
+  {
+    const State& s = states[i];
+    const int f = i / np, p = i % np;
+    BasisValues b;
+    slave.ref.position.tabulate(&particles.rule.points[p * (D - 1)], b);
+    const Vector<D> reference = evaluate<D>(slave.facet_X(f), slave.np(), b, false).x;
+    const Vector<D> t = a.traction_at(i);
+    Vector<D> target_point = Vector<D>::Constant(NAN);
+    if (s.target.facet >= 0)
+      target_point = FacetProjection<D>(a.master(), s.target.facet).at(s.target.xi, false).x;
+    for (int k = 0; k < D; ++k)
+    {
+      X.mutable_at(i, k) = reference[k];
+      x.mutable_at(i, k) = s.x[k];
+      y.mutable_at(i, k) = target_point[k];
+      normal.mutable_at(i, k) = s.target.facet >= 0 ? s.n[k] : NAN;
+      traction.mutable_at(i, k) = t[k];
+    }
+    gap.mutable_at(i) = -s.gap;
+    lambda.mutable_at(i) = s.lambda;
+    weight.mutable_at(i) = particles.weight[i];
+    closed.mutable_at(i) = s.closed;
+    facet.mutable_at(i) = slave.id[f];
+    target.mutable_at(i) = s.target.facet >= 0 ? a.master().id[s.target.facet] : -1;
+  }
+  py::dict out;
+  out["X"] = X;
+  out["x"] = x;
+  out["target"] = y;
+  out["normal"] = normal;
+  out["traction"] = traction;
+  out["gap"] = gap;
+  out["lambda"] = lambda;
+  out["weight"] = weight;
+  out["closed"] = closed;
+  out["facet"] = facet;
+  out["target_facet"] = target;
+  return out;
+}
+
+template <int D>
+void declare_assembler(py::module_& m, const char* name)
+{
+  using A = Assembler<D>;
+  py::class_<A>(m, name)
+      .def(py::init(
+               [](const Surface& slave, const ParticleRule& rule, const array<double>& weight,
+                  const TraceBasis& multiplier, TargetRule target, NormalRule normals,
+                  const std::array<double, D>& direction, double radius, double end_tolerance,
+                  bool augmented, const array<PetscInt>& slave_dofs,
+                  const array<std::int32_t>& local, const array<PetscInt>& dofs)
+               {
+                 PairOptions<D> o;
+                 o.search.rule = target;
+                 for (int i = 0; i < D; ++i)
+                   o.search.direction[i] = direction[i];
+                 o.search.radius = radius;
+                 o.search.end_tolerance = end_tolerance;
+                 o.normals = normals;
+                 o.law.augmented = augmented;
+                 return A(slave, {rule, vector(weight), multiplier}, o, vector(slave_dofs),
+                          vector(local), vector(dofs));
+               }),
+           py::arg("slave"), py::arg("rule"), py::arg("weight"), py::arg("multiplier"),
+           py::arg("target"), py::arg("normals"), py::arg("direction"), py::arg("radius"),
+           py::arg("end_tolerance"), py::arg("augmented"), py::arg("slave_dofs"),
+           py::arg("multiplier_local"), py::arg("multiplier_dofs"))
+      .def("set_master", [](A& a, const Surface& master, const array<PetscInt>& dofs)
+           { a.set_master(master, vector(dofs)); })
+      .def("set_parameters",
+           [](A& a, double rho_n, double scale)
+           {
+             a.options().law.rho_n = rho_n;
+             a.options().scale = scale;
+           })
+      .def("update",
+           [](A& a, const array<double>& us, const array<double>& um, const array<double>& lambda,
+              double close) { return a.update(span(us), span(um), span(lambda), close); })
+      .def("residual", [](const A& a, std::uintptr_t b)
+           { a.residual(reinterpret_cast<::Vec>(b)); })
+      .def("tangent", [](const A& a, std::uintptr_t mat)
+           { a.tangent(reinterpret_cast<Mat>(mat)); })
+      .def("insert_pattern", [](A& a, std::uintptr_t mat, bool remember)
+           { a.insert_pattern(reinterpret_cast<Mat>(mat), remember); })
+      .def("pattern_holds", &A::pattern_holds)
+      .def("particles", [](const A& a) { return particle_table(a); })
+      .def("accept", &A::accept)
+      .def("restore", &A::restore)
+      .def_property_readonly("slave", [](const A& a) { return a.slave(); })
+      .def_property_readonly("master", [](const A& a) { return a.master(); });
+}
+
+} // namespace
+
+PYBIND11_MODULE(_cpp, m)
+{
+  m.doc() = "C++ kernels of dolfinx_contact";
+  declare_geometry(m);
+  declare_particles(m);
+  m.def("count_rows",
+        [](std::uintptr_t mat)
+        {
+          const RowCounts c = count_rows(reinterpret_cast<Mat>(mat));
+          const py::ssize_t n = c.diagonal.size();
+          return py::make_tuple(as_array(c.diagonal, {n}), as_array(c.off_diagonal, {n}));
+        });
+  declare_assembler<2>(m, "Assembler2");
+  declare_assembler<3>(m, "Assembler3");
+}

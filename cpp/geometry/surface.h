@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "trace_basis.h"
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace dolfinx_contact
+{
+
+template <int D>
+using Vector = Eigen::Matrix<double, D, 1>;
+
+/// What all facets of a surface share.
+///
+/// Positions live in the `position` basis, whose degree is the larger of the geometry's and the
+/// displacement's, displacements in the `displacement` basis of their own degree.
+struct ReferenceFacet
+{
+  Shape shape = Shape::interval;
+  TraceBasis position;
+  TraceBasis displacement;
+  std::vector<double> interpolation; ///< displacement basis at the position nodes, (np, nu)
+  std::vector<double> hull;          ///< position nodes to Bernstein control points, (np, np)
+
+  /// True if both bases are the same one.
+  bool isoparametric() const { return position.degree() == displacement.degree(); }
+};
+
+/// Facets of one contact surface as one rank sees them.
+///
+/// All tables are row-major, one row a facet. Facets are numbered independently of the partition.
+struct Surface
+{
+  int dim = 0; ///< space dimension, 2 or 3
+  ReferenceFacet ref;
+
+  std::vector<std::int64_t> id;        ///< global facet number, (n)
+  std::vector<std::int64_t> vertices;  ///< global numbers of the corners, (n, nv)
+  std::vector<std::int64_t> nodes;     ///< global numbers of the displacement nodes, (n, nu)
+  std::vector<double> X;               ///< reference positions of the position nodes, (n, np, dim)
+  std::vector<std::int8_t> sigma;      ///< τ_1 × τ_2 points sigma × inward, (n)
+  std::vector<std::uint8_t> ends;      ///< bit e: edge e (2D: vertex e) is a physical end, (n)
+  std::vector<std::uint8_t> candidate; ///< 1 if its whole ring is here: it may be a target, (n)
+
+  // derived by `number_nodes` and `displace`
+  std::vector<std::int64_t> node_table; ///< distinct entries of `nodes`, sorted
+  std::vector<std::int32_t> local;      ///< position of `nodes` in `node_table`, (n, nu)
+  std::vector<double> x;                ///< current positions, (n, np, dim)
+
+  int size() const { return static_cast<int>(id.size()); }
+  int np() const { return ref.position.nodes(); }
+  int nu() const { return ref.displacement.nodes(); }
+  int nv() const { return num_vertices(ref.shape); }
+
+  const double* facet_x(int f) const { return &x[static_cast<std::size_t>(f) * np() * dim]; }
+  const double* facet_X(int f) const { return &X[static_cast<std::size_t>(f) * np() * dim]; }
+
+  /// Fill `node_table` and `local` from `nodes`, and set x = X.
+  void number_nodes();
+
+  /// x = X + u.
+  /// @param u displacement of the nodes of `node_table`, (nodes, dim)
+  /// @throws std::invalid_argument on a wrong size, std::domain_error if u is not finite
+  void displace(std::span<const double> u);
+
+  /// Boxes that hold each facet in its current position (control points of its Bernstein form),
+  /// grown by `margin`: (n, 2, dim), lower then upper corner.
+  std::vector<double> boxes(double margin = 0.0) const;
+
+  /// Largest distance between two corners of facet f in the reference configuration.
+  double diameter(int f) const;
+};
+
+/// Position and derivatives on a current (or reference) facet at one ξ.
+template <int D>
+struct FacetPoint
+{
+  static constexpr int Q = D - 1;
+  Vector<D> x;
+  Eigen::Matrix<double, D, Q> tau;                              ///< τ_α, columns
+  Eigen::Matrix<double, D, D == 2 ? 1 : 3> curvature;           ///< ∂²x: 11, 22, 12, columns
+
+  /// ∂²_αβ x
+  auto d2(int a, int b) const { return curvature.col(a == b ? a : 2); }
+
+  /// τ_1 × τ_2 (2D: τ turned by −90 degrees, so that τ × e_3), not normalised.
+  Vector<D> area_vector() const
+  {
+    if constexpr (D == 2)
+      return {tau(1, 0), -tau(0, 0)};
+    else
+      return tau.col(0).cross(tau.col(1));
+  }
+};
+
+/// Evaluate a facet from its node positions `x` ((np, D), row-major) and tabulated basis.
+template <int D>
+inline FacetPoint<D> evaluate(const double* x, int np, const BasisValues& b, bool second)
+{
+  FacetPoint<D> p;
+  p.x.setZero();
+  p.tau.setZero();
+  p.curvature.setZero();
+  for (int a = 0; a < np; ++a)
+  {
+    const Eigen::Map<const Vector<D>> xa(x + a * D);
+    p.x += b.N[a] * xa;
+    for (int i = 0; i < D - 1; ++i)
+      p.tau.col(i) += b.dN[i][a] * xa;
+    if (second)
+      for (int i = 0; i < (D == 2 ? 1 : 3); ++i)
+        p.curvature.col(i) += b.ddN[i][a] * xa;
+  }
+  return p;
+}
+
+/// Vertex of a reference facet, facet_dim(shape) numbers (Basix's numbering).
+const double* reference_vertex(Shape shape, int v);
+
+/// Edges of a triangle or quadrilateral: the two vertices (Basix's numbering). In 2D the "edges"
+/// of an interval are its end vertices: both entries are the vertex.
+std::array<int, 2> reference_edge(Shape shape, int e);
+
+/// Number of edges (2D: end vertices).
+constexpr int num_edges(Shape s) { return num_vertices(s); }
+
+} // namespace dolfinx_contact

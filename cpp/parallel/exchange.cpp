@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: MIT
+#include "exchange.h"
+
+#include "../targets/bounding_volumes.h"
+#include "mail.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+namespace dolfinx_contact
+{
+
+namespace
+{
+
+/// Facets as they travel: fixed-size records of `num_ints` integers (id, sigma, ends, candidate,
+/// vertices, nodes) and `num_reals` reals (X), one list for each rank.
+struct Parcels
+{
+  std::vector<std::vector<std::int64_t>> ints;
+  std::vector<std::vector<double>> reals;
+  explicit Parcels(int ranks)
+      : ints(ranks)
+      , reals(ranks)
+  {
+  }
+};
+
+int num_ints(const Surface& s)
+{
+  return 4 + s.nv() + s.nu();
+}
+int num_reals(const Surface& s)
+{
+  return s.np() * s.dim;
+}
+
+/// Append facet f of `s` to the parcel for rank `to`.
+void pack(const Surface& s, int f, bool candidate, int to, Parcels& parcels)
+{
+  std::vector<std::int64_t>& ints = parcels.ints[to];
+  ints.insert(ints.end(), {s.id[f], s.sigma[f], s.ends[f], candidate});
+  const auto vertex = s.vertices.begin() + static_cast<std::ptrdiff_t>(f) * s.nv();
+  ints.insert(ints.end(), vertex, vertex + s.nv());
+  const auto node = s.nodes.begin() + static_cast<std::ptrdiff_t>(f) * s.nu();
+  ints.insert(ints.end(), node, node + s.nu());
+  std::vector<double>& reals = parcels.reals[to];
+  reals.insert(reals.end(), s.facet_X(f), s.facet_X(f) + num_reals(s));
+}
+
+/// Append one record to `s`.
+void unpack(const std::int64_t* ints, const double* reals, Surface& s)
+{
+  s.id.push_back(ints[0]);
+  s.sigma.push_back(static_cast<std::int8_t>(ints[1]));
+  s.ends.push_back(static_cast<std::uint8_t>(ints[2]));
+  s.candidate.push_back(static_cast<std::uint8_t>(ints[3]));
+  const std::int64_t* vertex = ints + 4;
+  s.vertices.insert(s.vertices.end(), vertex, vertex + s.nv());
+  const std::int64_t* node = vertex + s.nv();
+  s.nodes.insert(s.nodes.end(), node, node + s.nu());
+  s.X.insert(s.X.end(), reals, reals + num_reals(s));
+}
+
+/// Which facets meet at a vertex.
+struct Incidence
+{
+  std::vector<std::int64_t> vertex; ///< distinct entries of Surface::vertices, sorted
+  std::vector<int> number;          ///< position in `vertex` of each entry, (n, nv)
+  std::vector<int> offset, facets;  ///< at vertex i: facets[offset[i]..offset[i + 1])
+
+  explicit Incidence(const Surface& s)
+      : number(s.vertices.size())
+      , facets(s.vertices.size())
+  {
+    std::vector<std::pair<std::int64_t, int>> slots; // (vertex, position in s.vertices)
+    slots.reserve(s.vertices.size());
+    for (const std::int64_t v : s.vertices)
+      slots.emplace_back(v, static_cast<int>(slots.size()));
+    std::sort(slots.begin(), slots.end());
+    for (int k = 0; const auto& [v, slot] : slots)
+    {
+      if (vertex.empty() or vertex.back() != v)
+      {
+        vertex.push_back(v);
+        offset.push_back(k);
+      }
+      number[slot] = static_cast<int>(vertex.size()) - 1;
+      facets[k++] = slot / s.nv();
+    }
+    offset.push_back(static_cast<int>(slots.size()));
+  }
+
+  std::span<const int> at(int i) const
+  {
+    return std::span(facets).subspan(offset[i], offset[i + 1] - offset[i]);
+  }
+};
+
+/// Which own facets other ranks need for their rings: plan[r], sorted, for each rank r. Collective.
+std::vector<std::vector<int>> ring_plan(MPI_Comm comm, const Surface& own)
+{
+  const int size = comm_size(comm);
+  const Incidence incidence(own);
+
+  // Each vertex goes to its post office ...
+  std::vector<std::vector<std::int64_t>> letters(size);
+  for (const std::int64_t v : incidence.vertex)
+    letters[v % size].push_back(v);
+  const Mail<std::int64_t> collected = all_to_all(comm, letters);
+  std::vector<std::pair<std::int64_t, int>> senders; // (vertex, rank)
+  senders.reserve(collected.data.size());
+  for (int r = 0; r < size; ++r)
+    for (const std::int64_t v : collected.from(r))
+      senders.emplace_back(v, r);
+  std::sort(senders.begin(), senders.end());
+
+  // ... which answers with (vertex, other rank) for each other rank that has it
+  std::vector<std::vector<std::int64_t>> answers(size);
+  for (auto begin = senders.begin(); begin != senders.end();)
+  {
+    const auto end = std::find_if(begin, senders.end(),
+                                  [v = begin->first](const auto& s) { return s.first != v; });
+    for (auto a = begin; a != end; ++a)
+      for (auto b = begin; b != end; ++b)
+        if (a != b)
+          answers[a->second].insert(answers[a->second].end(), {b->first, b->second});
+    begin = end;
+  }
+  const Mail<std::int64_t> shared = all_to_all(comm, answers);
+
+  std::vector<std::vector<int>> plan(size);
+  for (std::size_t k = 0; k < shared.data.size(); k += 2)
+  {
+    const auto v
+        = std::lower_bound(incidence.vertex.begin(), incidence.vertex.end(), shared.data[k]);
+    const auto facets = incidence.at(static_cast<int>(v - incidence.vertex.begin()));
+    std::vector<int>& to = plan[shared.data[k + 1]];
+    to.insert(to.end(), facets.begin(), facets.end());
+  }
+  for (std::vector<int>& facets : plan)
+  {
+    std::sort(facets.begin(), facets.end());
+    facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
+  }
+  return plan;
+}
+
+/// Fill `ends` of the first `num_own` facets, whose rings are complete: the edges that no other
+/// facet has.
+void find_ends(Surface& s, int num_own)
+{
+  const int ne = num_edges(s.ref.shape);
+  using Edge = std::pair<std::pair<std::int64_t, std::int64_t>, int>; // its vertices, f * ne + e
+  std::vector<Edge> edges;
+  edges.reserve(static_cast<std::size_t>(s.size()) * ne);
+  for (int f = 0; f < s.size(); ++f)
+    for (int e = 0; e < ne; ++e)
+    {
+      const auto [i, j] = reference_edge(s.ref.shape, e);
+      const std::int64_t* v = &s.vertices[static_cast<std::size_t>(f) * s.nv()];
+      edges.emplace_back(std::minmax(v[i], v[j]), f * ne + e);
+    }
+  std::sort(edges.begin(), edges.end());
+  for (std::size_t k = 0; k < edges.size(); ++k)
+  {
+    const auto& [vertices, slot] = edges[k];
+    const bool shared = (k > 0 and edges[k - 1].first == vertices)
+                        or (k + 1 < edges.size() and edges[k + 1].first == vertices);
+    if (not shared and slot / ne < num_own)
+      s.ends[slot / ne] |= static_cast<std::uint8_t>(1 << slot % ne);
+  }
+}
+
+/// What is wrong with a surface; empty if nothing.
+std::string error_of(const Surface& s)
+{
+  const std::size_t n = s.id.size();
+  if (s.dim != facet_dim(s.ref.shape) + 1)
+    return "Surface.dim is " + std::to_string(s.dim) + ", it must be the facet's dimension plus 1";
+  if (s.vertices.size() != n * s.nv() or s.nodes.size() != n * s.nu()
+      or s.X.size() != n * num_reals(s) or s.sigma.size() != n)
+    return "Surface.vertices, nodes, X and sigma must have one row for each entry of id";
+  return "";
+}
+
+/// What is wrong with the arguments of `with_targets`; empty if nothing.
+std::string error_of(const Surface& ringed, int num_own, std::size_t num_slave_boxes, double radius)
+{
+  if (const std::string error = error_of(ringed); not error.empty())
+    return error;
+  if (ringed.ends.size() != ringed.id.size() or ringed.x.size() != ringed.X.size())
+    return "with_targets needs a surface made by with_ring and placed by Surface.displace";
+  if (num_own < 0 or num_own > ringed.size())
+    return "num_own is " + std::to_string(num_own) + ", it must be between 0 and the number "
+           + std::to_string(ringed.size()) + " of facets";
+  if (num_slave_boxes % (2 * ringed.dim) != 0)
+    return "slave_boxes has " + std::to_string(num_slave_boxes)
+           + " numbers, it must have the shape (n, 2, " + std::to_string(ringed.dim) + ")";
+  if (not(radius >= 0))
+    return "the search radius is " + std::to_string(radius) + ", it must not be negative";
+  return "";
+}
+
+/// Send each rank the own facets near its slave boxes, with their rings: with_targets (a) to (c).
+template <int D>
+Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
+                       std::span<const double> slave_boxes, double radius)
+{
+  const int size = comm_size(comm);
+
+  // (a) Everyone's box of master facets. Master boxes are grown rather than slave boxes in all
+  // tests, so that the coarse test can not refuse, by rounding, what the fine one would take
+  const std::vector<double> boxes = ringed.boxes(radius);
+  Box<D> mine;
+  for (int f = 0; f < num_own; ++f)
+    mine.add(BoxTree<D>::item_box(boxes, f));
+  std::array<double, 2 * D> corners;
+  Eigen::Map<Eigen::Array<double, 2 * D, 1>>(corners.data()) << mine.lo, mine.hi;
+  std::vector<double> masters(corners.size() * size);
+  MPI_Allgather(corners.data(), 2 * D, MPI_DOUBLE, masters.data(), 2 * D, MPI_DOUBLE, comm);
+
+  // (b) Slave boxes go where master facets may be near
+  const int num_slaves = static_cast<int>(slave_boxes.size()) / (2 * D);
+  Box<D> slaves;
+  for (int i = 0; i < num_slaves; ++i)
+    slaves.add(BoxTree<D>::item_box(slave_boxes, i));
+  std::vector<std::vector<double>> requests(size);
+  for (int r = 0; r < size; ++r)
+  {
+    const Box<D> master = BoxTree<D>::item_box(masters, r);
+    if (not slaves.overlaps(master))
+      continue;
+    for (int i = 0; i < num_slaves; ++i)
+      if (BoxTree<D>::item_box(slave_boxes, i).overlaps(master))
+      {
+        const auto box = slave_boxes.subspan(static_cast<std::size_t>(i) * 2 * D, 2 * D);
+        requests[r].insert(requests[r].end(), box.begin(), box.end());
+      }
+  }
+  const Mail<double> requested = all_to_all(comm, requests);
+
+  // (c) The own facets near a requested box, then the rest of their rings
+  const Incidence incidence(ringed);
+  std::vector<int> facet_sent_to(ringed.size(), -1), vertex_sent_to(incidence.vertex.size(), -1);
+  std::vector<int> selected;
+  Parcels parcels(size);
+  for (int r = 0; r < size; ++r)
+  {
+    const std::span<const double> wanted = requested.from(r);
+    if (wanted.empty())
+      continue;
+    const BoxTree<D> tree(wanted);
+    selected.clear();
+    for (int f = 0; f < num_own; ++f)
+    {
+      const Box<D> box = BoxTree<D>::item_box(boxes, f);
+      bool near = false;
+      tree.descend([&](const Box<D>& b) { return b.overlaps(box) ? 0.0 : INFINITY; },
+                   [&](int i)
+                   {
+                     near = near or BoxTree<D>::item_box(wanted, i).overlaps(box);
+                     return near ? -1.0 : 0.0; // −1: nothing improves on it, stop
+                   },
+                   0.0);
+      if (near)
+        selected.push_back(f);
+    }
+    for (const int f : selected)
+    {
+      facet_sent_to[f] = r;
+      pack(ringed, f, true, r, parcels);
+    }
+    for (const int f : selected)
+      for (int v = 0; v < ringed.nv(); ++v)
+      {
+        const int i = incidence.number[static_cast<std::size_t>(f) * ringed.nv() + v];
+        if (std::exchange(vertex_sent_to[i], r) == r)
+          continue;
+        for (const int g : incidence.at(i))
+          if (std::exchange(facet_sent_to[g], r) != r)
+            pack(ringed, g, false, r, parcels);
+      }
+  }
+  return parcels;
+}
+
+} // namespace
+
+Surface with_ring(MPI_Comm comm, const Surface& own)
+{
+  throw_together(comm, error_of(own));
+  Surface out = own;
+  out.ends.assign(own.size(), 0);
+  out.candidate.assign(own.size(), 1);
+
+  const std::vector<std::vector<int>> plan = ring_plan(comm, own);
+  Parcels parcels(comm_size(comm));
+  for (std::size_t r = 0; r < plan.size(); ++r)
+    for (const int f : plan[r])
+      pack(out, f, false, static_cast<int>(r), parcels);
+  const Mail<std::int64_t> ints = all_to_all(comm, parcels.ints);
+  const Mail<double> reals = all_to_all(comm, parcels.reals);
+  const std::size_t records = ints.data.size() / num_ints(out);
+  for (std::size_t k = 0; k < records; ++k)
+    unpack(&ints.data[k * num_ints(out)], &reals.data[k * num_reals(out)], out);
+
+  // The ends of a ring facet are known to its owner only, and only now
+  find_ends(out, own.size());
+  std::vector<std::vector<std::int64_t>> own_ends(plan.size());
+  for (std::size_t r = 0; r < plan.size(); ++r)
+    for (const int f : plan[r])
+      own_ends[r].push_back(out.ends[f]);
+  const Mail<std::int64_t> ring_ends = all_to_all(comm, own_ends);
+  std::transform(ring_ends.data.begin(), ring_ends.data.end(), out.ends.begin() + own.size(),
+                 [](std::int64_t ends) { return static_cast<std::uint8_t>(ends); });
+  out.number_nodes();
+  return out;
+}
+
+Surface with_targets(MPI_Comm comm, const Surface& ringed, int num_own,
+                     std::span<const double> slave_boxes, double radius)
+{
+  throw_together(comm, error_of(ringed, num_own, slave_boxes.size(), radius));
+  const Parcels parcels = ringed.dim == 2
+                              ? select_targets<2>(comm, ringed, num_own, slave_boxes, radius)
+                              : select_targets<3>(comm, ringed, num_own, slave_boxes, radius);
+  const Mail<std::int64_t> ints = all_to_all(comm, parcels.ints);
+  const Mail<double> reals = all_to_all(comm, parcels.reals);
+
+  // One record a facet, in the order of ids; of several the one that is a candidate
+  Surface out;
+  out.dim = ringed.dim;
+  out.ref = ringed.ref;
+  const std::size_t width = num_ints(out);
+  std::vector<std::tuple<std::int64_t, int, std::size_t>> order; // (id, not a candidate, record)
+  for (std::size_t k = 0; k < ints.data.size() / width; ++k)
+    order.emplace_back(ints.data[k * width], ints.data[k * width + 3] == 0, k);
+  std::sort(order.begin(), order.end());
+  for (std::size_t i = 0; i < order.size(); ++i)
+  {
+    const auto [id, ring_only, k] = order[i];
+    if (i == 0 or std::get<0>(order[i - 1]) != id)
+      unpack(&ints.data[k * width], &reals.data[k * num_reals(out)], out);
+  }
+  out.number_nodes();
+  return out;
+}
+
+} // namespace dolfinx_contact

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "bounding_volumes.h"
+#include "facet_projection.h"
+
+namespace dolfinx_contact
+{
+
+/// Where a particle looks for its target (formulation, section 4).
+enum class TargetRule : std::int8_t
+{
+  proximity, ///< (F4) closest point
+  direction  ///< (F5) along a fixed direction
+};
+
+/// Settings of a search. Lengths are relative to the facet's diameter where so marked.
+template <int D>
+struct SearchOptions
+{
+  TargetRule rule = TargetRule::proximity;
+  Vector<D> direction = Vector<D>::Zero(); ///< unit vector e of (F5), zero for proximity
+  double radius = INFINITY;          ///< d_max: farther points are no targets
+  double end_tolerance = 0.5;        ///< overshoot of a physical end that is still clamped, relative
+  double margin = 1e-2;              ///< the former facet is kept while ξ is so near to it
+};
+
+/// Search of targets on the whole current master surface (the application A of the formulation).
+template <int D>
+class Search
+{
+public:
+  static constexpr int Q = D - 1;
+
+  Search() = default;
+  Search(const Surface& master, const SearchOptions<D>& options);
+
+  /// The master has moved: refit the tree.
+  void refit(const Surface& master);
+
+  /// Target of one particle.
+  /// @param x position of the particle
+  /// @param outward unit outward normal of the slave there; facets that do not face it are refused
+  /// @param former the target of the last evaluation, kept within the margin (no facet flipping)
+  Target<D> find(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
+                 const Target<D>& former) const;
+
+private:
+  struct Found
+  {
+    Target<D> target;
+    double cost = INFINITY; // distance (F4) or |s| (F5)
+  };
+
+  Found on_facet(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const;
+  Found at_end(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const;
+  bool faces(const FacetProjection<D>& facet, const FacetPoint<D>& p, const Vector<D>& outward) const;
+  bool within_end(const FacetProjection<D>& facet, const Vector<D>& x, const Target<D>& t) const;
+  Found keep(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
+             const Target<D>& former, double cost) const;
+  double bound(const Box<D>& box, const Vector<D>& x) const;
+  void best_of(const Surface& master, const Found& found, Found& best) const;
+
+  SearchOptions<D> _options;
+  BoxTree<D> _tree;
+  std::vector<double> _diameter; // of the facets, reference configuration
+  double _largest = 0;           // of them
+};
+
+extern template class Search<2>;
+extern template class Search<3>;
+
+} // namespace dolfinx_contact

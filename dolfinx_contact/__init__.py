@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: MIT
+"""Contact between deformable bodies in large transformations, beside DOLFINx.
+
+H. Ben Dhia and M. Zarroug, Hybrid frictional contact particles-in elements, Revue européenne des
+éléments finis 11 (2002).
+"""
+
+from petsc4py import PETSc as _PETSc
+
+if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
+    # before the extension module is loaded: it is linked to one build of PETSc only
+    raise ImportError(
+        "dolfinx_contact: this Python uses a PETSc with complex scalars; contact needs real ones."
+        " Choose the real build (on Debian: export PETSC_DIR=/usr/lib/petscdir/petsc-real, or"
+        " unset PETSC_DIR)."
+    )
+
+from . import meshes, plot
+from .errors import ContactError, ConvergenceError, InputError
+from .pair import ContactPair, Particles
+from .problem import ContactProblem
+from .rules import Gauss, Nodes, Proximity, SeekDirection, Simpson
+from .strategy import Newton, Report
+from .surface import Surface
+
+__version__ = "0.1.0"
+__all__ = [
+    "ContactError",
+    "ContactPair",
+    "ContactProblem",
+    "ConvergenceError",
+    "Gauss",
+    "InputError",
+    "Newton",
+    "Nodes",
+    "Particles",
+    "Proximity",
+    "Report",
+    "SeekDirection",
+    "Simpson",
+    "Surface",
+    "meshes",
+    "plot",
+]

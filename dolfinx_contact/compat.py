@@ -1,0 +1,427 @@
+# SPDX-License-Identifier: MIT
+"""Every difference between DOLFINx versions (0.5.2 to 0.11), and nothing else.
+
+Arrays come out and arrays go in; where a DOLFINx object is returned it is one that has the same
+interface in all versions. ``cells`` always counts owned cells first, then ghost cells.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import cpp as _cpp
+from dolfinx import fem, graph, la
+from dolfinx import mesh as _mesh
+from mpi4py import MPI
+
+# The interface of 0.5 (pybind11, ufl elements, VectorFunctionSpace) or that of 0.8 and later
+# (nanobind, basix.ufl elements, functionspace). Versions between the two are not supported.
+_OLD = not hasattr(fem, "functionspace")
+_ADD = la.ScatterMode.add if hasattr(la, "ScatterMode") else la.InsertMode.add
+
+
+def cpp_object(wrapper: Any) -> Any:
+    """The C++ object behind a Python wrapper (the object itself where there is no wrapper)."""
+    if isinstance(wrapper, _mesh.Mesh) and _OLD:
+        return wrapper._mesh
+    return getattr(wrapper, "_cpp_object", wrapper)
+
+
+# -- meshes -----------------------------------------------------------------------------------
+
+
+def cell_geometry_dofs(mesh: _mesh.Mesh) -> npt.NDArray[np.int32]:
+    """Local geometry nodes of each cell, ghosts included; shape (cells, nodes)."""
+    geometry = mesh.geometry
+    if hasattr(geometry, "dofmaps"):
+        return np.asarray(geometry.dofmaps[0])
+    if not _OLD:
+        return np.asarray(geometry.dofmap)
+    return _rows(geometry.dofmap, geometry.cmap.create_dof_layout().num_dofs)
+
+
+def coordinate_degree(mesh: _mesh.Mesh) -> int:
+    """Polynomial degree of the geometry."""
+    geometry = mesh.geometry
+    return (geometry.cmaps[0] if hasattr(geometry, "cmaps") else geometry.cmap).degree
+
+
+def original_cells(mesh: _mesh.Mesh) -> npt.NDArray[np.int64]:
+    """Number of each local cell in the input of the mesh, over all ranks; shape (cells,)."""
+    original = mesh.topology.original_cell_index
+    if isinstance(original, (list, tuple)):  # one array a cell type
+        original = original[0]
+    return np.asarray(original, dtype=np.int64)
+
+
+def facet_cells(
+    mesh: _mesh.Mesh, facets: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """First local cell of each facet and the number of its local cells; shapes (facets,).
+
+    Collective when the connectivity is not there yet.
+    """
+    links, offsets = _connectivity(mesh, mesh.topology.dim - 1, mesh.topology.dim)
+    return links[offsets[facets]], (offsets[facets + 1] - offsets[facets]).astype(np.int32)
+
+
+def local_facet_indices(
+    mesh: _mesh.Mesh, cells: npt.NDArray[np.int32], facets: npt.NDArray[np.int32]
+) -> npt.NDArray[np.int32]:
+    """Position of each facet in its cell (``facets[i]`` belongs to ``cells[i]``)."""
+    links, offsets = _connectivity(mesh, mesh.topology.dim, mesh.topology.dim - 1)
+    if len(cells) == 0:
+        return np.zeros(0, dtype=np.int32)
+    per_cell = offsets[1] - offsets[0]
+    return np.argmax(links.reshape(-1, per_cell)[cells] == facets[:, None], axis=1).astype(
+        np.int32
+    )
+
+
+def exterior_facets(mesh: _mesh.Mesh) -> npt.NDArray[np.int32]:
+    """Owned facets that belong to one cell only, over all ranks. Collective at the first call."""
+    mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
+    return np.asarray(_mesh.exterior_facet_indices(mesh.topology), dtype=np.int32)
+
+
+def same_mesh(tags: Any, mesh: _mesh.Mesh) -> bool:
+    """Whether mesh tags were made on this mesh (True where that cannot be told)."""
+    if hasattr(tags, "topology"):
+        return cpp_object(tags.topology) is cpp_object(mesh.topology)
+    if hasattr(tags, "mesh"):
+        return cpp_object(tags.mesh) is cpp_object(mesh)
+    return True
+
+
+def create_mesh(
+    comm: MPI.Comm,
+    cells: npt.NDArray[np.int64],
+    points: npt.NDArray[np.float64],
+    cell: str,
+    degree: int,
+    ranks: npt.NDArray[np.int32] | None = None,
+) -> _mesh.Mesh:
+    """A mesh of Lagrange cells from distributed input. Collective.
+
+    Args:
+        cells: this rank's part of the cells, in global node numbers; shape (cells, nodes)
+        points: this rank's part of the nodes, numbered on over the ranks; shape (points, gdim)
+        cell: name of the cell's shape
+        degree: of the geometry
+        ranks: the rank that shall own each of the given cells, shape (cells,), given by all ranks
+            or by none; no ghost cells are made. Without it DOLFINx's default partition.
+    """
+    cells = np.ascontiguousarray(cells, dtype=np.int64)
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    gdim = points.shape[1]
+    options: dict[str, Any] = {}
+    if ranks is not None:
+        ranks = np.asarray(ranks, dtype=np.int32)
+        offsets = np.arange(len(ranks) + 1, dtype=np.int32)
+        if _OLD:
+            # 0.5 learns from ghost cells alone which vertices the ranks share, and tears the mesh
+            # apart where there are none; with GhostMode.none it drops the ghosts after that
+            corners = _cpp.mesh.cell_num_vertices(_mesh.to_type(cell))
+            ranks, offsets = _with_ghosts(comm, cells[:, :corners], ranks)
+            options["ghost_mode"] = _mesh.GhostMode.none
+        options["partitioner"] = _partitioner(ranks, offsets)
+    if _OLD:
+        shape = ufl.Cell(cell, geometric_dimension=gdim)
+        domain = ufl.Mesh(ufl.VectorElement("Lagrange", shape, degree, dim=gdim))
+        rows = _cpp.graph.AdjacencyList_int64(cells)
+        return _mesh.create_mesh(comm, rows, points, domain, **options)
+    import basix.ufl
+
+    element = basix.ufl.element("Lagrange", cell, degree, shape=(gdim,))
+    return _mesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element), **options)
+
+
+def create_facet_mesh(
+    comm: MPI.Comm,
+    cells: npt.NDArray[np.int64],
+    points: npt.NDArray[np.float64],
+    shape: str,
+    degree: int,
+    gdim: int,
+) -> tuple[_mesh.Mesh, npt.NDArray[np.int64]]:
+    """A mesh of codimension 1 whose cells stay on the rank that gives them. Collective.
+
+    DOLFINx's own ``create_submesh`` is not used: in 0.5.2 it leaves degrees of freedom on ranks
+    without a cell, and straightens a geometry of degree 2.
+
+    Args:
+        cells: facets of this rank in global node numbers; shape (facets, nodes)
+        points: owned nodes of this rank; shape (points, gdim) or wider
+        shape: "interval", "triangle" or "quadrilateral"
+        degree: of the geometry
+
+    Returns:
+        the mesh, and for each of its local cells the row of ``cells`` it was made from
+    """
+    ranks = np.full(len(cells), comm.rank, dtype=np.int32)
+    mesh = create_mesh(comm, cells, points[:, :gdim], shape, degree, ranks)
+    first = comm.scan(len(cells)) - len(cells)
+    return mesh, original_cells(mesh) - first
+
+
+def model_to_mesh(
+    model: Any, comm: MPI.Comm, rank: int = 0, gdim: int = 3
+) -> tuple[Any, Any, Any]:
+    """Mesh, cell tags and facet tags of a gmsh model that lives on one rank. Collective."""
+    try:
+        from dolfinx.io import gmsh as reader
+    except ImportError:
+        from dolfinx.io import gmshio as reader
+    data = reader.model_to_mesh(model, comm, rank, gdim=gdim)
+    if hasattr(data, "mesh"):
+        return data.mesh, data.cell_tags, data.facet_tags
+    return data[0], data[1], data[2]
+
+
+# -- function spaces and functions -----------------------------------------------------------
+
+
+def function_space(mesh: _mesh.Mesh, element: tuple[str, int], dim: int | None = None) -> Any:
+    """Space of scalars, or of vectors with ``dim`` components; ``element``: (family, degree)."""
+    if not _OLD:
+        return fem.functionspace(mesh, element if dim is None else (*element, (dim,)))
+    if dim is None:
+        return fem.FunctionSpace(mesh, element)
+    return fem.VectorFunctionSpace(mesh, element, dim=dim)
+
+
+def vector_space(mesh: _mesh.Mesh, degree: int) -> Any:
+    """Continuous Lagrange space of vectors of the geometric dimension."""
+    return function_space(mesh, ("Lagrange", degree), mesh.geometry.dim)
+
+
+def lagrange_degree(V: Any) -> int | None:
+    """Degree of a continuous Lagrange space, scalar or blocked; None for any other space."""
+    element = V.ufl_element()
+    subs = element.sub_elements
+    subs = list(subs() if callable(subs) else subs)
+    if subs:
+        if any(sub != subs[0] for sub in subs[1:]):
+            return None
+        element = subs[0]
+    if hasattr(element, "basix_element"):
+        element = element.basix_element
+        name = str(element.family).split(".")[-1]
+        return element.degree if name == "P" and not element.discontinuous else None
+    if not hasattr(element, "family") or element.family() not in ("Lagrange", "Q"):
+        return None
+    return element.degree()
+
+
+def value_shape(V: Any) -> tuple[int, ...]:
+    """Shape of the values of a space: () for scalars, (n,) for vectors."""
+    if hasattr(V, "value_shape"):
+        return tuple(V.value_shape)
+    return tuple(V.ufl_element().value_shape())
+
+
+def dof_list(V: Any) -> npt.NDArray[np.int32]:
+    """Local block dofs of each cell, ghosts included; shape (cells, dofs)."""
+    dofs = V.dofmap.list
+    return (
+        _rows(dofs, V.dofmap.dof_layout.num_dofs) if hasattr(dofs, "offsets") else np.asarray(dofs)
+    )
+
+
+def petsc_vec(function: fem.Function) -> Any:
+    """PETSc vector that shares the function's values (with ghosts)."""
+    return function.vector if _OLD else function.x.petsc_vec
+
+
+def scatter_reverse_add(vector: Any) -> None:
+    """Add ghost values of a Function or of a DOLFINx vector to their owners. Collective."""
+    (vector.x if hasattr(vector, "x") else vector).scatter_reverse(_ADD)
+
+
+# -- index maps -------------------------------------------------------------------------------
+
+
+def global_indices(index_map: Any) -> npt.NDArray[np.int64]:
+    """Global number of each local index, owned first, then ghosts."""
+    owned = np.arange(*index_map.local_range, dtype=np.int64)
+    return np.concatenate([owned, np.asarray(index_map.ghosts, dtype=np.int64)])
+
+
+def ghost_owners(index_map: Any) -> npt.NDArray[np.int32]:
+    """Rank that owns each ghost."""
+    owners = index_map.owners
+    return np.asarray(owners() if callable(owners) else owners, dtype=np.int32)
+
+
+def rank_ranges(comm: MPI.Comm, index_map: Any) -> npt.NDArray[np.int64]:
+    """First global index of each rank, then the total; shape (ranks + 1,). Collective."""
+    sizes = comm.allgather(int(index_map.size_local))
+    return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+
+
+# -- forms ------------------------------------------------------------------------------------
+
+
+def form(ufl_form: Any) -> Any:
+    """Compile a UFL form (or a list of forms) with default options. Collective."""
+    return fem.form(ufl_form)
+
+
+def pattern(compiled: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Sparsity of a bilinear form in blocks of dofs. Collective.
+
+    Returns:
+        offsets of the owned block rows, shape (rows + 1,), and the global block columns
+    """
+    sparsity = fem.create_sparsity_pattern(compiled)
+    sparsity.assemble() if hasattr(sparsity, "assemble") else sparsity.finalize()
+    entries = sparsity.graph
+    columns, offsets = entries if isinstance(entries, tuple) else (entries.array, entries.offsets)
+    local_to_global = global_indices(sparsity.column_index_map())
+    rows = compiled.function_spaces[0].dofmap.index_map.size_local  # rows of ghosts follow in 0.5
+    offsets = np.array(offsets[: rows + 1], dtype=np.int64)
+    return offsets, local_to_global[np.asarray(columns)[: offsets[-1]]]
+
+
+def assemble_matrix_unrolled(A: Any, compiled: Any, bcs: Sequence[Any] = ()) -> None:
+    """Add a bilinear form to a PETSc matrix of block size 1 by its local numbers.
+
+    Rows and columns of constrained dofs are left out, their diagonal is not set, and the matrix is
+    not finalised. Constants and coefficients are packed anew, so that changed loads are seen.
+    """
+    a = cpp_object(compiled)
+    constants, coefficients = _cpp.fem.pack_constants(a), _cpp.fem.pack_coefficients(a)
+    conditions = [cpp_object(bc) for bc in bcs]
+    _cpp.fem.petsc.assemble_matrix(A, a, constants, coefficients, conditions, True)
+
+
+def assemble_vector_local(compiled: Any) -> npt.NDArray[np.float64]:
+    """Assemble a linear form; owned, unrolled entries, the other ranks' shares added. Collective."""
+    vector = fem.assemble_vector(compiled)
+    scatter_reverse_add(vector)
+    dofmap = compiled.function_spaces[0].dofmap
+    return np.array(vector.array[: dofmap.index_map.size_local * dofmap.index_map_bs])
+
+
+def assemble_scalar(comm: MPI.Comm, compiled: Any) -> float:
+    """Value of a functional over all ranks. Collective."""
+    return comm.allreduce(fem.assemble_scalar(compiled))
+
+
+def lifting(
+    u: fem.Function,
+    forms: Sequence[Any],
+    bcs: Sequence[Sequence[Any]],
+    x0: Sequence[npt.NDArray[np.float64]],
+) -> npt.NDArray[np.float64]:
+    """Σ_j J_j (g_j − x0_j) for the Dirichlet values g_j; owned entries. Collective.
+
+    Args:
+        u: Function of the test space
+        forms: J_j, one for each unknown
+        bcs: conditions on each unknown
+        x0: local values of each unknown
+    """
+    out = fem.Function(u.function_space)
+    fem.apply_lifting(out.x.array, list(forms), [list(b) for b in bcs], list(x0), -1.0)
+    scatter_reverse_add(out)
+    dofmap = u.function_space.dofmap
+    return np.array(out.x.array[: dofmap.index_map.size_local * dofmap.index_map_bs])
+
+
+# -- Dirichlet conditions --------------------------------------------------------------------
+
+
+def contains(V: Any, bc: Any) -> bool:
+    """Whether a Dirichlet condition holds on V or on one of its subspaces."""
+    return bool(cpp_object(V).contains(cpp_object(bc.function_space)))
+
+
+def bc_dofs(bc: Any) -> tuple[npt.NDArray[np.int32], int]:
+    """Local unrolled dofs of a Dirichlet condition, owned ones first, and how many are owned."""
+    dofs = np.sort(np.array(bc.dof_indices()[0], dtype=np.int32))
+    # DOLFINx's own count takes ghosts for owned dofs where dofs come in blocks (seen in 0.5.2)
+    V = bc.function_space
+    dofmap = V.dofmap if hasattr(V, "dofmap") else V.dofmaps[0]
+    owned = dofmap.index_map.size_local * dofmap.index_map_bs
+    return dofs, int(np.searchsorted(dofs, owned))
+
+
+def set_bc_array(values: npt.NDArray[np.float64], bcs: Sequence[Any]) -> None:
+    """Impose Dirichlet values on the local values (ghosts included) of a Function."""
+    if _OLD:
+        fem.set_bc(values, list(bcs))
+    else:
+        for bc in bcs:
+            bc.set(values)
+
+
+def set_bc(u: fem.Function, bcs: Sequence[Any]) -> None:
+    """Impose the Dirichlet values on a Function, ghosts included. Collective.
+
+    Conditions on other spaces than that of ``u`` are skipped.
+    """
+    set_bc_array(u.x.array, [bc for bc in bcs if contains(u.function_space, bc)])
+    u.x.scatter_forward()
+
+
+# -- helpers ----------------------------------------------------------------------------------
+
+
+def _rows(adjacency: Any, width: int) -> npt.NDArray[np.int32]:
+    """An adjacency list whose rows have equal length, as a 2D array (also without rows)."""
+    return np.asarray(adjacency.array).reshape(-1, width)
+
+
+def _connectivity(
+    mesh: _mesh.Mesh, d0: int, d1: int
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    mesh.topology.create_connectivity(d0, d1)
+    links = mesh.topology.connectivity(d0, d1)
+    return np.asarray(links.array), np.asarray(links.offsets)
+
+
+def _partitioner(ranks: npt.NDArray[np.int32], offsets: npt.NDArray[np.int32]) -> Any:
+    """A cell partitioner that sends the given cells to given ranks, the owner first."""
+    make = graph.create_adjacencylist if _OLD else graph.adjacencylist
+
+    def destinations(*_: Any) -> Any:
+        return cpp_object(make(ranks, offsets))
+
+    return destinations
+
+
+def _with_ghosts(
+    comm: MPI.Comm, cells: npt.NDArray[np.int64], ranks: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """For each cell its owner, then all other ranks with a cell that has a vertex in common.
+
+    The rank with number vertex mod size collects who has the vertex, and answers. Collective.
+
+    Args:
+        cells: global vertices; shape (cells, vertices)
+        ranks: owners; shape (cells,)
+
+    Returns:
+        ranks, and offsets of each cell's row among them; shape (cells + 1,)
+    """
+    pairs = np.stack([cells.ravel(), np.repeat(ranks, cells.shape[1]).astype(np.int64)], axis=1)
+    pairs = np.unique(pairs, axis=0)
+    asked = comm.alltoall([pairs[pairs[:, 0] % comm.size == p] for p in range(comm.size)])
+    known = np.unique(np.concatenate(asked), axis=0)
+    vertices, counts = np.unique(known[:, 0], return_counts=True)
+    shared = known[np.isin(known[:, 0], vertices[counts > 1])]
+    answers = comm.alltoall([shared[np.isin(shared[:, 0], a[:, 0])] for a in asked])
+    sharing: dict[int, set[int]] = {}
+    for vertex, rank in np.concatenate(answers).tolist():
+        sharing.setdefault(vertex, set()).add(rank)
+    rows = []
+    for cell, rank in zip(cells.tolist(), ranks.tolist()):
+        others = set().union(*(sharing.get(vertex, ()) for vertex in cell))
+        rows.append([rank, *sorted(others - {rank})])
+    offsets = np.cumsum([0] + [len(row) for row in rows])
+    flat = [rank for row in rows for rank in row]
+    return np.array(flat, dtype=np.int32), offsets.astype(np.int32)

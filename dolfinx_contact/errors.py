@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: MIT
+"""Errors, and a way to raise them on all ranks together.
+
+An error that one rank meets alone would leave the others waiting in the next collective call. Each
+stage of the computation (set-up, search, assembly, solve, output) therefore runs inside
+:func:`together`, which ends the stage on all ranks or on none.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import Iterator
+
+from mpi4py import MPI
+
+
+class ContactError(RuntimeError):
+    """Anything that goes wrong in dolfinx_contact."""
+
+
+class InputError(ContactError, ValueError):
+    """The user gave something that cannot work; the message says how to mend it."""
+
+
+class ConvergenceError(ContactError):
+    """A solve failed; ``report`` holds what it did up to then."""
+
+    report = None
+
+
+@contextmanager
+def together(comm: MPI.Comm, stage: str) -> Iterator[None]:
+    """Run a stage that only works on this rank, and fail on all ranks if one of them fails.
+
+    Collective at its end: one reduction, and a broadcast only after a failure. The body must hold
+    no collective call that another rank might miss.
+
+    Args:
+        comm: communicator of the stage
+        stage: its name, which opens the message on the ranks that did not fail themselves
+
+    Raises:
+        the rank's own exception where the body failed; elsewhere an error of the same class if it
+        is one of this module (else ContactError) with the message of the lowest failing rank
+    """
+    failure: Exception | None = None
+    try:
+        yield
+    except Exception as error:
+        failure = error
+
+    first = comm.allreduce(comm.size if failure is None else comm.rank, op=MPI.MIN)
+    if first == comm.size:
+        return
+    kind, message = _describe(failure) if comm.rank == first else (ContactError, "")
+    kind, message = comm.bcast((kind, message), root=first)
+    if failure is not None:
+        raise failure
+    raise kind(f"{stage}: rank {first}: {message}")
+
+
+def _describe(error: Exception | None) -> tuple[type[ContactError], str]:
+    """The class that the other ranks shall raise, and the message to put in it."""
+    for kind in (InputError, ConvergenceError, ContactError):
+        if isinstance(error, kind):
+            return kind, str(error)
+    return ContactError, f"{type(error).__name__}: {error}"

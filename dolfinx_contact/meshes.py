@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: MIT
+"""Meshes of mapped grids, for demos and tests: several bodies in one DOLFINx mesh.
+
+>>> upper = grid((8, 4), lower=(0, 1), upper=(2, 2))
+>>> lower = grid((9, 4), upper=(2, 1))
+>>> mesh, body = create(MPI.COMM_WORLD, [lower, upper])
+>>> tags = tag_facets(mesh, {1: (lambda x: np.isclose(x[1], 1), 0)}, body)
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any, Callable, Sequence
+
+import basix
+import numpy as np
+import numpy.typing as npt
+from dolfinx import mesh as _mesh
+from mpi4py import MPI
+
+from . import compat
+from .errors import InputError, together
+
+_DIMENSIONS = {"triangle": 2, "quadrilateral": 2, "tetrahedron": 3, "hexahedron": 3}
+
+Predicate = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
+Partition = Any  # array of ranks, or callable (midpoints, number of ranks) -> ranks
+
+
+@dataclass
+class Body:
+    """Points (points, dim) and cells (cells, nodes; Basix's Lagrange order) of one body."""
+
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    cell: str
+    degree: int
+
+
+def grid(
+    counts: Sequence[int],
+    lower: Sequence[float] | None = None,
+    upper: Sequence[float] | None = None,
+    mapping: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]] | None = None,
+    cell: str = "quadrilateral",
+    degree: int = 1,
+) -> Body:
+    """A grid of a box, mapped to any shape.
+
+    Args:
+        counts: number of boxes in each direction; a box is one quadrilateral or hexahedron, two
+            triangles or six tetrahedra (Kuhn's subdivision)
+        lower, upper: opposite corners of the box; by default the unit square or cube
+        mapping: takes points (n, dim) of the box to points (n, dim) of the body; mid-side nodes are
+            mapped too, so that cells of degree 2 are curved
+        cell: shape of the cells
+        degree: of the geometry, 1 or 2
+
+    Raises:
+        InputError: unknown cell or degree, counts that do not fit
+    """
+    if cell not in _DIMENSIONS or degree not in (1, 2):
+        raise InputError(
+            f"grid: {cell} of degree {degree}; give one of {', '.join(_DIMENSIONS)}, degree 1 or 2."
+        )
+    dim = _DIMENSIONS[cell]
+    counts = np.asarray(counts, dtype=np.int64)
+    if counts.shape != (dim,) or counts.min() < 1:
+        raise InputError(f"grid: counts is {counts.tolist()}; give {dim} numbers of at least 1.")
+
+    # lattice of all nodes, the first direction runs fastest
+    size = degree * counts + 1
+    strides = np.concatenate([[1], np.cumprod(size[:-1])])
+    lattice = _lattice(size)
+    low = np.zeros(dim) if lower is None else np.asarray(lower, dtype=np.float64)
+    high = np.ones(dim) if upper is None else np.asarray(upper, dtype=np.float64)
+    points = low + (high - low) * (lattice / (degree * counts))
+    if mapping is not None:
+        points = np.asarray(mapping(points), dtype=np.float64)
+
+    # nodes of the cells of one box, in lattice steps from the box's first node
+    nodes = np.array(basix.create_element(basix.ElementFamily.P, _type(cell), degree).points)
+    steps = np.concatenate([_affine(nodes, corners) for corners in _split(cell, dim)])
+    steps = np.rint(steps * degree).astype(np.int64)
+    boxes = _lattice(counts) * degree
+    cells = (boxes[:, None, :] + steps[None, :, :]) @ strides
+    return Body(points, cells.reshape(-1, len(nodes)), cell, degree)
+
+
+def create(
+    comm: MPI.Comm, bodies: Body | Sequence[Body] | None, partition: Partition | None = None
+) -> tuple[_mesh.Mesh, npt.NDArray[np.int32]]:
+    """One DOLFINx mesh of several bodies that share no nodes. Collective.
+
+    Args:
+        comm: communicator of the mesh
+        bodies: bodies with the same cell and degree; those of rank 0 count, other ranks may give None
+        partition: None for DOLFINx's partition; an array with the rank of each cell (all bodies one
+            after the other), or a function of the cells' mean points (cells, dim) and the number of
+            ranks that returns it; read on rank 0, and no ghost cells are made then
+
+    Returns:
+        the mesh, and the number of the body of each local cell, ghosts included
+
+    Raises:
+        InputError: bodies of different kinds, or ranks that do not exist
+    """
+    meta: tuple[Any, ...] | None = None
+    with together(comm, "meshes.create"):
+        if comm.rank == 0:
+            bodies = [bodies] if isinstance(bodies, Body) else list(bodies)
+            kinds = {(body.cell, body.degree) for body in bodies}
+            if len(kinds) != 1:
+                raise InputError(
+                    f"create: the bodies are {sorted(kinds)}; give bodies of one kind."
+                )
+            shifts = np.cumsum([0] + [len(body.points) for body in bodies])
+            points = np.concatenate([body.points for body in bodies])
+            cells = np.concatenate([b.cells + shift for b, shift in zip(bodies, shifts)])
+            ends = np.cumsum([len(body.cells) for body in bodies])
+            ranks = _ranks(partition, points, cells, comm.size)
+            free = ranks is None
+            meta = (*kinds.pop(), cells.shape[1], points.shape[1], ends, free)
+    cell, degree, width, dim, ends, free = comm.bcast(meta, root=0)
+    if comm.rank != 0:
+        points, cells = np.zeros((0, dim)), np.zeros((0, width), dtype=np.int64)
+        ranks = None if free else np.zeros(0, dtype=np.int32)
+    mesh = compat.create_mesh(comm, cells, points, cell, degree, ranks)
+    body = np.searchsorted(ends, compat.original_cells(mesh), side="right")
+    return mesh, body.astype(np.int32)
+
+
+def tag_facets(
+    mesh: _mesh.Mesh,
+    predicates: dict[int, Predicate | tuple[Predicate, int]],
+    body: npt.NDArray[np.int32] | None = None,
+) -> Any:
+    """Tag exterior facets by position. Collective.
+
+    Args:
+        mesh: the mesh
+        predicates: for each tag a function of points (3, n) that is true at all vertices of the
+            facets to tag, or a pair of it and the number of a body; later tags overwrite earlier
+        body: body of each local cell, as ``create`` returns it; needed where a pair is given
+
+    Raises:
+        InputError: a pair is given without ``body``
+    """
+    fdim = mesh.topology.dim - 1
+    mesh.topology.create_connectivity(fdim, fdim + 1)
+    tagged: dict[int, int] = {}
+    for tag, chosen in predicates.items():
+        predicate, number = chosen if isinstance(chosen, tuple) else (chosen, None)
+        facets = np.asarray(_mesh.locate_entities_boundary(mesh, fdim, predicate), dtype=np.int32)
+        if number is not None:
+            if body is None:
+                raise InputError(f"tag_facets: tag {tag} names body {number}; give body as well.")
+            facets = facets[body[compat.facet_cells(mesh, facets)[0]] == number]
+        tagged.update(dict.fromkeys(facets.tolist(), tag))
+    indices = np.array(sorted(tagged), dtype=np.int32)
+    values = np.array([tagged[facet] for facet in indices.tolist()], dtype=np.int32)
+    return _mesh.meshtags(mesh, fdim, indices, values)
+
+
+# -- helpers ----------------------------------------------------------------------------------
+
+
+def _type(cell: str) -> Any:
+    return getattr(basix.CellType, cell)
+
+
+def _lattice(size: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """All integer points below ``size``, the first coordinate fastest; shape (points, dim)."""
+    return np.stack(np.unravel_index(np.arange(np.prod(size)), size, order="F"), axis=1)
+
+
+def _split(cell: str, dim: int) -> list[npt.NDArray[np.float64]]:
+    """Corners of the cells of the unit box; each (corners, dim)."""
+    if cell in ("quadrilateral", "hexahedron"):
+        return [np.array(basix.geometry(_type(cell)))]
+    # Kuhn: from the origin to the opposite corner along the axes, in every order
+    walks = itertools.permutations(np.eye(dim))
+    return [np.cumsum([np.zeros(dim), *walk], axis=0) for walk in walks]
+
+
+def _affine(
+    nodes: npt.NDArray[np.float64], corners: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Points of the reference cell in the box, for a cell that is an affine image."""
+    if len(corners) != corners.shape[1] + 1:  # the box itself
+        return nodes
+    return corners[0] + nodes @ (corners[1:] - corners[0])
+
+
+def _ranks(
+    partition: Partition | None,
+    points: npt.NDArray[np.float64],
+    cells: npt.NDArray[np.int64],
+    size: int,
+) -> npt.NDArray[np.int32] | None:
+    """The rank of each cell, checked."""
+    if partition is None:
+        return None
+    ranks = partition(points[cells].mean(axis=1), size) if callable(partition) else partition
+    ranks = np.asarray(ranks, dtype=np.int32)
+    if ranks.shape != (len(cells),) or ranks.min() < 0 or ranks.max() >= size:
+        raise InputError(
+            f"create: the partition has shape {ranks.shape} and ranks {np.unique(ranks).tolist()};"
+            f" give each of the {len(cells)} cells a rank between 0 and {size - 1}."
+        )
+    return ranks

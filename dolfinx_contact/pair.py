@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: MIT
+"""A contact pair: what the user describes, and its results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from . import _cpp, compat
+from .errors import ContactError, InputError, together
+from .rules import Gauss, Nodes, Proximity, SeekDirection, Simpson
+from .surface import Surface, basis_polynomials
+
+
+class ContactPair:
+    """Two surfaces that may touch, without friction.
+
+    The construction is collective. Multipliers live on the slave's facet mesh.
+
+    Args:
+        slave: carries the particles and the multipliers
+        master: carries the targets
+        target: Proximity() or SeekDirection(e)
+        normals: "facet" (F7) or "direction" (n = ±e, with SeekDirection only); None: "facet"
+        integration: Simpson(n), Gauss(degree) or Nodes()
+        pressure_space: family and degree of λ on the slave's facets: "Lagrange" 1 or 2, "DG" 0 to 2
+        axisymmetric: weigh the particles with 2πR, R = X_1 (2D only)
+        rho_n: augmentation parameter [pressure/length] in place of the automatic one
+        initial_contact: open particles nearer to the master than this fraction of the facet's
+            diameter start a step closed
+        augmented: take χ g_n for χ λ in (F1)
+
+    Raises:
+        InputError: on all ranks, for arguments of another kind, surfaces of different dimension or
+            with common facets, a negative rho_n or initial_contact, a direction that does not fit
+            the space, a pressure space that facets cannot carry
+
+    Attributes:
+        slave, master: the surfaces
+        pressure: nominal contact pressure, ≥ 0 in compression; Function on slave.mesh, of the last
+            accepted solution
+    """
+
+    def __init__(
+        self,
+        slave: Surface,
+        master: Surface,
+        *,
+        target: Proximity | SeekDirection = Proximity(),
+        normals: str | None = None,
+        integration: Simpson | Gauss | Nodes = Simpson(1),
+        pressure_space: tuple[str, int] = ("Lagrange", 1),
+        axisymmetric: bool = False,
+        rho_n: float | None = None,
+        initial_contact: float = 1e-3,
+        augmented: bool = False,
+    ):
+        for name, surface in (("slave", slave), ("master", master)):
+            if not isinstance(surface, Surface):
+                raise InputError(
+                    f"ContactPair: {name} is a {type(surface).__name__}; give a Surface."
+                )
+        self.slave, self.master = slave, master
+        self.comm = slave.comm
+        self.target, self.integration = target, integration
+        self.normals = "facet" if normals is None else normals
+        self.pressure_space, self.axisymmetric = pressure_space, bool(axisymmetric)
+        self.rho_n, self.initial_contact = rho_n, float(initial_contact)
+        self.augmented = bool(augmented)
+        with together(self.comm, "ContactPair"):
+            self._check()
+            self._psi = self._pressure_basis()
+        V = compat.function_space(slave.mesh, tuple(pressure_space))
+        self.pressure = fem.Function(V, name="pressure")
+        self._multiplier = fem.Function(V, name="multiplier")
+        self._assembler: Any = None  # set by the problem that solves the pair
+
+    def _check(self) -> None:
+        slave, master = self.slave, self.master
+        if not isinstance(self.target, (Proximity, SeekDirection)):
+            raise InputError(
+                f"ContactPair: target is {self.target!r}; give Proximity() or SeekDirection(e)."
+            )
+        if not isinstance(self.integration, (Simpson, Gauss, Nodes)):
+            raise InputError(
+                f"ContactPair: integration is {self.integration!r}; give Simpson(n),"
+                " Gauss(degree) or Nodes()."
+            )
+        if slave.dim != master.dim:
+            raise InputError(
+                f"ContactPair: the slave is in {slave.dim} and the master in {master.dim}"
+                " dimensions; give surfaces of the same space."
+            )
+        if slave.comm.size != master.comm.size:
+            raise InputError(
+                "ContactPair: slave and master live on communicators of different size; make both"
+                " meshes on the same one."
+            )
+        directed = isinstance(self.target, SeekDirection)
+        if self.normals not in ("facet", "direction") or (
+            self.normals == "direction" and not directed
+        ):
+            raise InputError(
+                f'ContactPair: normals is {self.normals!r}; give "facet", or "direction" together'
+                " with a SeekDirection target."
+            )
+        if directed and len(self.target.unit) != slave.dim:
+            raise InputError(
+                f"ContactPair: the seek direction {self.target.direction!r} has"
+                f" {len(self.target.unit)} components in {slave.dim} dimensions."
+            )
+        if self.rho_n is not None and not (np.isfinite(self.rho_n) and self.rho_n > 0):
+            raise InputError(
+                f"ContactPair: rho_n is {self.rho_n}; give a positive number of pressure per"
+                " length, or None for the automatic one."
+            )
+        if not self.initial_contact >= 0:
+            raise InputError(
+                f"ContactPair: initial_contact is {self.initial_contact}; give a fraction of the"
+                " facet's size, 0 or more."
+            )
+        if self.axisymmetric and slave.dim != 2:
+            raise InputError("ContactPair: axisymmetric pairs are two-dimensional (r, z).")
+        if slave.u.function_space.mesh is master.u.function_space.mesh:
+            common = np.intersect1d(slave.id, master.id)
+            if len(common) > 0:
+                raise InputError(
+                    f"ContactPair: slave (tags {slave.tags}) and master (tags {master.tags}) share"
+                    f" {len(common)} facets on rank {self.comm.rank}; a facet can be on one side"
+                    " only. Give the two surfaces different tags."
+                )
+
+    def _pressure_basis(self) -> Any:
+        family, degree = self.pressure_space
+        try:
+            if int(degree) != degree or not 0 <= degree <= 2:
+                raise InputError(f"degree {degree} is not one of 0, 1, 2")
+            return basis_polynomials(self.slave.shape, degree, family)
+        except InputError as error:
+            raise InputError(
+                f"ContactPair: pressure_space is {self.pressure_space!r} ({error}); the facets"
+                ' carry ("Lagrange", 1), ("Lagrange", 2), ("DG", 0), ("DG", 1), ("DG", 2).'
+            ) from None
+
+    # -- results of the last accepted solution --------------------------------------------------
+
+    def _solved(self) -> Any:
+        if self._assembler is None:
+            raise ContactError(
+                "This pair has no results yet: put it in a ContactProblem and solve it first."
+            )
+        return self._assembler
+
+    @property
+    def particles(self) -> Particles:
+        """State of this rank's particles, one row each."""
+        return Particles.of(self.comm, self._solved().particles())
+
+    def resultant(self) -> npt.NDArray[np.float64]:
+        """Total contact force on the slave, (dim,) [force]: ∫ t dΓ of (F1). Collective."""
+        table = self._solved().particles()
+        return self.comm.allreduce(table["weight"] @ table["traction"])
+
+    def contact_area(self) -> float:
+        """Reference area of the closed particles [area; length in 2D]. Collective."""
+        table = self._solved().particles()
+        return float(self.comm.allreduce(table["weight"][table["closed"]].sum()))
+
+
+@dataclass
+class Particles:
+    """Particles of a pair, one row each (n rows; vectors have shape (n, dim)).
+
+    Attributes:
+        reference, position: where the particle is, undeformed and now [length]
+        gap: distance to the master along the normal, ≥ 0 when open, inf without a target [length]
+        pressure: nominal contact pressure, ≥ 0 in compression [force/reference area]
+        status: "open" or "slip"
+        target: its target on the master's current surface, nan without one [length]
+        normal: normal at the target, pointing away from the slave, nan without a target
+        traction: contact traction on the slave [force/reference area]
+        weight: its part of the slave's reference area [area]
+        facet, target_facet: numbers of its facet and of its target's (−1: none), which do not
+            depend on the partition
+    """
+
+    reference: npt.NDArray[np.float64]
+    position: npt.NDArray[np.float64]
+    gap: npt.NDArray[np.float64]
+    pressure: npt.NDArray[np.float64]
+    status: npt.NDArray[np.str_]
+    target: npt.NDArray[np.float64]
+    normal: npt.NDArray[np.float64]
+    traction: npt.NDArray[np.float64]
+    weight: npt.NDArray[np.float64]
+    facet: npt.NDArray[np.int64]
+    target_facet: npt.NDArray[np.int64]
+    comm: Any = None
+
+    @classmethod
+    def of(cls, comm: Any, table: dict[str, Any]) -> Particles:
+        """From the assembler's table."""
+        closed = table["closed"]
+        pressure = -np.einsum("pi,pi->p", table["traction"], np.nan_to_num(table["normal"]))
+        return cls(
+            reference=table["X"],
+            position=table["x"],
+            gap=table["gap"],
+            pressure=pressure + 0.0,
+            status=np.where(closed, "slip", "open"),
+            target=table["target"],
+            normal=table["normal"],
+            traction=table["traction"],
+            weight=table["weight"],
+            facet=table["facet"],
+            target_facet=table["target_facet"],
+            comm=comm,
+        )
+
+    def __len__(self) -> int:
+        return len(self.gap)
+
+    def gather(self) -> Particles | None:
+        """All ranks' particles on rank 0, sorted by facet; None elsewhere. Collective."""
+        names = [f.name for f in fields(self) if f.name != "comm"]
+        parts = self.comm.gather({name: getattr(self, name) for name in names}, root=0)
+        if parts is None:
+            return None
+        whole = {name: np.concatenate([part[name] for part in parts]) for name in names}
+        order = np.argsort(whole["facet"], kind="stable")
+        return Particles(**{name: rows[order] for name, rows in whole.items()}, comm=self.comm)

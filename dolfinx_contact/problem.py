@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: MIT
+"""A UFL model with contact."""
+
+from __future__ import annotations
+
+from typing import Any, Sequence
+
+import numpy as np
+from dolfinx import fem
+
+from .errors import ConvergenceError, InputError, together
+from .pair import ContactPair
+from .strategy import Newton, Report
+from .system import System, derivative
+
+
+class ContactProblem:
+    """Find u and the contact pressures: F(u; w) = 0 with contact on the pairs (F1), (F2).
+
+    The construction is collective. It mirrors DOLFINx's NonlinearProblem.
+
+    Args:
+        F: residual form of the bulk, or a list of them, one for each unknown
+        u: unknown Function, or a list; the displacement of each Surface must be among them
+        pairs: contact pairs
+        bcs: Dirichlet conditions; they find their unknown by their space
+        J: Jacobian of F (by UFL's derivative if None); for lists a list of rows with None where
+            unknowns are not coupled
+        strategy: Newton()
+        petsc_options: options of SNES, KSP and PC, without prefix, for instance
+            {"ksp_type": "gmres"}
+
+    Raises:
+        InputError: on all ranks, if F and u do not match, a pair is used twice, a surface is moved
+            by a Function that is not among u, or slave surfaces share nodes
+    """
+
+    def __init__(
+        self,
+        F: Any,
+        u: Any,
+        pairs: Sequence[ContactPair],
+        *,
+        bcs: Sequence[Any] = (),
+        J: Any = None,
+        strategy: Newton | None = None,
+        petsc_options: dict[str, Any] | None = None,
+    ):
+        forms = list(F) if isinstance(F, (list, tuple)) else [F]
+        unknowns = list(u) if isinstance(u, (list, tuple)) else [u]
+        if not unknowns or not all(isinstance(v, fem.Function) for v in unknowns):
+            raise InputError("ContactProblem: u must be a dolfinx Function, or a list of them.")
+        if len(forms) != len(unknowns):
+            raise InputError(
+                f"ContactProblem: {len(forms)} residuals F for {len(unknowns)} unknowns u; give one"
+                " residual for each unknown."
+            )
+        if isinstance(pairs, ContactPair):
+            pairs = [pairs]
+        if not pairs or not all(isinstance(p, ContactPair) for p in pairs):
+            raise InputError("ContactProblem: pairs must be a list of ContactPair.")
+        self.pairs = list(pairs)
+        self.comm = unknowns[0].function_space.mesh.comm
+        with together(self.comm, "ContactProblem"):
+            _check_slaves(self.pairs)
+        if J is None:
+            jacobian = derivative(forms, unknowns)
+        else:
+            jacobian = [list(row) for row in J] if isinstance(J, (list, tuple)) else [[J]]
+        if len(jacobian) != len(forms) or any(len(row) != len(forms) for row in jacobian):
+            raise InputError(
+                f"ContactProblem: J must have {len(forms)} rows of {len(forms)} forms (or None)."
+            )
+        self.strategy = Newton() if strategy is None else strategy
+        self.petsc_options = dict(petsc_options or {})
+        self.system = System(forms, unknowns, jacobian, self.pairs, list(bcs))
+        for pair, contact in zip(self.pairs, self.system.contacts):
+            pair._assembler = contact.assembler
+        self.report: Report | None = None
+
+    def solve(self) -> Report:
+        """Solve for the present loads and Dirichlet values, from the present u. Collective.
+
+        Returns:
+            iterations, residual norms, status changes, times
+
+        Raises:
+            ConvergenceError: on all ranks; u and the pairs are then as they were before the call
+        """
+        system = self.system
+        before = [f.x.array.copy() for f in system.functions]
+        try:
+            report = self.strategy.solve(system, self.petsc_options)
+        except BaseException:
+            self._restore(before)
+            raise
+        self.report = report
+        if not report.converged:
+            self._restore(before)
+            error = ConvergenceError(
+                f"The contact problem did not converge: {report.reason} after"
+                f" {report.iterations} iterations; u and the pairs are back at the last accepted"
+                " state. Take a smaller load step; a body that is held by contact alone needs"
+                " initial_contact or a Dirichlet condition.\n" + str(report)
+            )
+            error.report = report
+            raise error
+        for pair in self.pairs:
+            pair.pressure.x.array[:] = 0.0 - pair._multiplier.x.array
+        for contact in system.contacts:
+            contact.assembler.accept()
+        return report
+
+    def _restore(self, before: Sequence[Any]) -> None:
+        """Put every Function and every particle back."""
+        for f, values in zip(self.system.functions, before):
+            f.x.array[:] = values
+        for contact in self.system.contacts:
+            contact.assembler.restore()
+
+
+def _check_slaves(pairs: Sequence[ContactPair]) -> None:
+    """Multipliers of slave surfaces that share nodes would be dependent."""
+    if len(set(map(id, pairs))) != len(pairs):
+        raise InputError("ContactProblem: a pair is given twice; give each pair once.")
+    for i, a in enumerate(pairs):
+        for b in pairs[:i]:
+            if a.slave.u is not b.slave.u:
+                continue
+            shared = np.intersect1d(a.slave.nodes, b.slave.nodes)
+            if len(shared) > 0:
+                raise InputError(
+                    f"ContactProblem: the slave surfaces with tags {a.slave.tags} and"
+                    f" {b.slave.tags} share {len(shared)} nodes on one rank, and their multipliers"
+                    " would be dependent. Make one slave surface of both, or let one of them be a"
+                    " master."
+                )

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: MIT
+"""The monolithic system of a contact problem: unknowns, residual, matrix.
+
+Unknowns are the bulk's and, for each pair, λ/s with s the pair's scale [pressure/length]. The rows
+of (F2) are multiplied by s. All rows are then forces and the blocks are of one size, whatever the
+units of the user.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from . import _cpp, compat
+from .contact import PairAssembly
+from .errors import InputError, together
+from .layout import Layout
+from .pair import ContactPair
+
+# ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
+# particles with a small gap inside a facet follow the pressure (formulation, section 7).
+_RHO_N = 1e-2
+
+
+class System:
+    """Residual and Jacobian of bulk and contact in one PETSc vector and matrix.
+
+    The construction is collective.
+
+    Args:
+        F: residual forms, one for each bulk unknown
+        u: bulk unknowns
+        J: forms of the Jacobian, by rows; None where blocks are not coupled
+        pairs: contact pairs whose displacements are among u
+        bcs: Dirichlet conditions on the bulk unknowns
+    """
+
+    def __init__(
+        self,
+        F: Sequence[Any],
+        u: Sequence[Any],
+        J: Sequence[Sequence[Any]],
+        pairs: Sequence[ContactPair],
+        bcs: Sequence[Any],
+    ):
+        self.u, self.pairs, self.bcs = list(u), list(pairs), list(bcs)
+        self.comm = u[0].function_space.mesh.comm
+        self._F = [compat.form(f) for f in F]
+        self._J = [[None if a is None else compat.form(a) for a in row] for row in J]
+        self.functions = self.u + [pair._multiplier for pair in pairs]
+        self.layout = Layout(self.comm, self.functions, bcs)
+        self.contacts = [
+            PairAssembly(
+                pair,
+                self.layout,
+                self._block_of(pair.slave.u),
+                self._block_of(pair.master.u),
+                len(self.u) + i,
+            )
+            for i, pair in enumerate(pairs)
+        ]
+        self.scale = [1.0] * len(pairs)
+        self.reference_force = 0.0
+        self.status_changes = 0
+        self.A: Any = None
+        self.x = PETSc.Vec().createMPI((self.layout.owned, None), comm=self.comm)
+        self.b = self.x.duplicate()
+        self._maps = [
+            PETSc.LGMap().create(self.layout.local_dofs(i), comm=self.comm)
+            for i in range(len(self.u))
+        ]
+        self._bulk_counts = self._count_bulk()
+
+    def _block_of(self, u: Any) -> int:
+        for block, v in enumerate(self.u):
+            if v is u:
+                return block
+        raise InputError(
+            "ContactProblem: a surface is moved by a Function that is not among the unknowns u;"
+            " make the surface from the unknown displacement."
+        )
+
+    # -- unknowns -------------------------------------------------------------------------------
+
+    def read(self) -> None:
+        """Fill x from the Functions."""
+        for block, f in enumerate(self.functions):
+            part = self.layout.slice(block)
+            self.x.array[part] = f.x.array[: part.stop - part.start] / self._scale_of(block)
+
+    def write(self, x: Any) -> None:
+        """Fill the Functions from x, ghosts included. Collective."""
+        values = x.array_r
+        for block, f in enumerate(self.functions):
+            part = self.layout.slice(block)
+            f.x.array[: part.stop - part.start] = values[part] * self._scale_of(block)
+            f.x.scatter_forward()
+
+    def _scale_of(self, block: int) -> float:
+        return 1.0 if block < len(self.u) else self.scale[block - len(self.u)]
+
+    # -- residual -------------------------------------------------------------------------------
+
+    def residual(self, x: Any, b: Any, close: bool = False) -> None:
+        """b = residual of (F1) and (F2) at x. Collective.
+
+        Where x does not meet a Dirichlet value yet, the bulk is lifted as in DOLFINx and contact
+        sees the bodies with the value imposed.
+
+        Args:
+            close: apply the pairs' initial contact
+        """
+        self.write(x)
+        before = [u.x.array.copy() for u in self.u]
+        lift = any(self._violates_bcs(u) for u in self.u)
+        lift = self.comm.allreduce(lift, op=MPI.LOR)
+        parts = [self._bulk_residual(row, lift) for row in range(len(self.u))]
+        for row, (u, part) in enumerate(zip(self.u, parts)):
+            compat.set_bc(u, self.bcs)
+            held = self.layout.held_mask(row)[: len(part)]
+            part[held] = (before[row] - u.x.array)[: len(part)][held]
+        b.zeroEntries()
+        b.array[: self.layout.offsets[len(self.u)]] = np.concatenate(parts)
+
+        self.status_changes = 0
+        for pair, contact in zip(self.pairs, self.contacts):
+            self.status_changes += contact.update(pair.initial_contact if close else -1.0)
+            with together(self.comm, "contact residual"):
+                contact.assembler.residual(b.handle)
+        b.assemble()
+
+    def _violates_bcs(self, u: Any) -> bool:
+        """Whether a Dirichlet value of u is not met on this rank."""
+        values = u.x.array.copy()
+        compat.set_bc_array(values, self._bcs_of(self._block_of(u)))
+        return bool(np.any(values != u.x.array))
+
+    def _bulk_residual(self, row: int, lift: bool) -> npt.NDArray[Any]:
+        """Forces of one bulk block, owned entries; with `lift`, J (g − u) added for the Dirichlet
+        values g: the first Newton step then takes the bulk there along its tangent."""
+        forces = compat.assemble_vector_local(self._F[row])
+        norm = np.sqrt(self.comm.allreduce(float(forces @ forces)))
+        if np.isfinite(norm):  # reactions included: what residuals are compared to
+            self.reference_force = max(self.reference_force, norm)
+        if lift:
+            columns = [j for j, a in enumerate(self._J[row]) if a is not None]
+            forces += compat.lifting(
+                self.u[row],
+                [self._J[row][j] for j in columns],
+                [self._bcs_of(j) for j in columns],
+                [self.u[j].x.array for j in columns],
+            )
+        return forces
+
+    def _bcs_of(self, block: int) -> list[Any]:
+        return [bc for bc in self.bcs if compat.contains(self.u[block].function_space, bc)]
+
+    # -- matrix ---------------------------------------------------------------------------------
+
+    def jacobian(self, x: Any, A: Any) -> None:
+        """A = derivative of the residual at x with the statuses frozen. Collective.
+
+        The last call of ``residual`` has moved the surfaces and found the targets. If a target has
+        left the pattern, the matrix gets a new one.
+        """
+        holds = all(contact.assembler.pattern_holds() for contact in self.contacts)
+        if not self.comm.allreduce(holds, op=MPI.LAND):
+            self._allocate(A)
+        self.write(x)
+        A.zeroEntries()
+        self._add_bulk(A, self.bcs)
+        with together(self.comm, "contact tangent"):
+            for contact in self.contacts:
+                contact.assembler.tangent(A.handle)
+        A.assemble()
+
+    def _add_bulk(self, A: Any, bcs: Sequence[Any]) -> None:
+        """Add the bulk's Jacobian; with conditions, 1 on the diagonal of the held rows."""
+        for i, row in enumerate(self._J):
+            for j, a in enumerate(row):
+                if a is not None:
+                    A.setLGMap(self._maps[i], self._maps[j])
+                    compat.assemble_matrix_unrolled(A, a, bcs)
+        if bcs:
+            _add_diagonal(A, self.layout.held_rows(), 1.0)
+
+    def _count_bulk(self) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+        """Nonzeros of the owned rows of the bulk: in columns of this rank, and of others."""
+        owned, other = (np.zeros(self.layout.owned, dtype=np.int64) for _ in range(2))
+        for i, row in enumerate(self._J):
+            rows = self.layout.slice(i)
+            for j, a in enumerate(row):
+                if a is None:
+                    continue
+                offsets, columns = compat.pattern(a)
+                first, last = self.functions[j].function_space.dofmap.index_map.local_range
+                inside = np.concatenate([[0], np.cumsum((columns >= first) & (columns < last))])
+                d = np.diff(inside[offsets]) * self.layout.block_sizes[j]
+                o = np.diff(offsets) * self.layout.block_sizes[j] - d
+                owned[rows] += np.repeat(d, self.layout.block_sizes[i])[: rows.stop - rows.start]
+                other[rows] += np.repeat(o, self.layout.block_sizes[i])[: rows.stop - rows.start]
+        return owned, other
+
+    def _allocate(self, A: Any) -> None:
+        """Allocate the bulk's pattern and that of the present targets and their neighbours."""
+        n = self.layout.owned
+        record = PETSc.Mat().create(self.comm)
+        record.setSizes(((n, None), (n, None)))
+        record.setType("preallocator")
+        record.setUp()
+        with together(self.comm, "contact pattern"):
+            for contact in self.contacts:
+                contact.assembler.insert_pattern(record.handle, True)
+        record.assemble()
+        contact_counts = _cpp.count_rows(record.handle)
+        record.destroy()
+
+        total = self.comm.allreduce(n)
+        d = np.minimum(self._bulk_counts[0] + contact_counts[0] + 1, n)
+        o = np.minimum(self._bulk_counts[1] + contact_counts[1], total - n)
+        A.setPreallocationNNZ((d.astype(PETSc.IntType), o.astype(PETSc.IntType)))
+        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
+        A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        # every entry of the pattern is written once: assembly drops what is not
+        self._add_bulk(A, [])
+        with together(self.comm, "contact pattern"):
+            for contact in self.contacts:
+                contact.assembler.insert_pattern(A.handle, False)
+        rows = self.layout.start + np.arange(self.layout.offsets[len(self.u)], n)
+        _add_diagonal(A, rows.astype(PETSc.IntType), 0.0)
+        A.assemble()
+
+    def create_matrix(self) -> None:
+        """Make the matrix for the present targets, and choose scales and ρ_n. Collective.
+
+        Needs the surfaces in place, thus one call of ``residual`` before.
+        """
+        n = self.layout.owned
+        self.A = PETSc.Mat().create(self.comm)
+        self.A.setSizes(((n, None), (n, None)))
+        self.A.setType("aij")
+        self._allocate(self.A)
+        self._choose_parameters()
+
+    def _choose_parameters(self) -> None:
+        """Stiffness of the slave surface per area, from the bulk's diagonal [pressure/length].
+
+        A node's diagonal (about E h^{d−2}) over its tributary area (about h^{d−1}) is of the order
+        of E/h: averaged over the surface it scales λ, and ρ_n is a fraction of it.
+        """
+        diagonal = self.A.getDiagonal().array_r  # of the bulk: _allocate has added nothing else
+        for i, (pair, contact) in enumerate(zip(self.pairs, self.contacts)):
+            stiffness = contact.stiffness(diagonal)
+            self.scale[i] = stiffness
+            contact.assembler.set_parameters(pair.rho_n or _RHO_N * stiffness, stiffness)
+
+
+def _add_diagonal(A: Any, rows: npt.NDArray[Any], value: float) -> None:
+    """Add a value on the diagonal of owned rows."""
+    if len(rows) == 0:  # petsc4py divides by the number of rows
+        return
+    at = rows.reshape(-1, 1)
+    A.setValuesRCV(at, at, np.full(at.shape, value), addv=PETSc.InsertMode.ADD_VALUES)
+
+
+def derivative(F: Sequence[Any], u: Sequence[Any]) -> list[list[Any]]:
+    """Jacobian forms of F by UFL; None where a residual does not depend on an unknown."""
+    rows = []
+    for f in F:
+        known = set(f.coefficients())
+        rows.append([ufl.derivative(f, v) if v in known else None for v in u])
+    return rows
