@@ -39,6 +39,7 @@ help:
 
 demo: install
 	$(PY) demos/two_blocks.py
+	$(PY) demos/two_cubes.py
 
 test: install ctest pytest-1 pytest-2 pytest-3
 

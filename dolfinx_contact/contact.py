@@ -74,7 +74,9 @@ class PairAssembly:
         slave, master, multiplier: blocks of the two displacements and of λ in the layout
     """
 
-    def __init__(self, pair: ContactPair, layout: Layout, slave: int, master: int, multiplier: int):
+    def __init__(
+        self, pair: ContactPair, layout: Layout, slave: int, master: int, multiplier: int
+    ):
         self.pair, self._layout = pair, layout
         self._comm, self._shape = pair.comm, getattr(_cpp.Shape, pair.slave.shape)
         self._slave_block, self._master_block = slave, master

@@ -27,38 +27,63 @@ def pressure(pair: ContactPair, file: str | Path, title: str | None = None) -> N
     Raises:
         ContactError: on all ranks, if the pair has not been solved or the file cannot be written
     """
-    facets = gather_pressure(pair)
+    facets = gather_pressure(pair, parts=4)
     with together(pair.comm, "plot.pressure"):
         if facets is not None:
             _draw(facets, pair.slave.dim, Path(file), title)
 
 
-def gather_pressure(pair: ContactPair) -> tuple[Any, Any] | None:
+def gather_pressure(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None:
     """Slave facets and their pressures on rank 0, None elsewhere. Collective.
 
+    Args:
+        pair: a pair that has been solved
+        parts: cut each facet into this many parts per direction (quadrilaterals and intervals)
+
     Returns:
-        current positions of the corners (facets, corners, dim) and pressures there (facets,
-        corners)
+        current positions of the corners (pieces, corners, dim) and pressures there (pieces,
+        corners); corners in Basix's order
     """
     pair._solved()
     slave = pair.slave
+    points = _pieces(slave.shape, parts)  # (pieces, corners, facet dimension)
+    flat = points.reshape(-1, points.shape[2])
     powers, coefficients, _ = pair._psi
-    corners = slave.reference["position"]["points"][: slave.vertices.shape[1]]
-    basis = np.prod(corners[:, None, :] ** powers[None], axis=2) @ coefficients.T
+    pressure_basis = np.prod(flat[:, None, :] ** powers[None], axis=2) @ coefficients.T
+    position = slave.reference["position"]
+    position_basis = (
+        np.prod(flat[:, None, :] ** position["powers"][None], axis=2) @ position["coefficients"].T
+    )
     cells = compat.dof_list(pair.pressure.function_space)[: len(slave.id)]
-    values = pair.pressure.x.array[cells] @ basis.T
-    X = pair._assembler.slave.x[slave.facet_mesh_cells][:, : len(corners)]
-    parts = pair.comm.gather((X, values), root=0)
-    if parts is None:
+    values = pair.pressure.x.array[cells] @ pressure_basis.T
+    x = position_basis @ pair._assembler.slave.x[slave.facet_mesh_cells]
+    gathered = pair.comm.gather((x, values), root=0)
+    if gathered is None:
         return None
-    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    corners = points.shape[1]
+    return (
+        np.concatenate([part[0].reshape(-1, corners, slave.dim) for part in gathered]),
+        np.concatenate([part[1].reshape(-1, corners) for part in gathered]),
+    )
+
+
+def _pieces(shape: str, parts: int) -> Any:
+    """Corners of the pieces of a reference facet; (pieces, corners, facet dimension)."""
+    if shape == "triangle":
+        return np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
+    ends = np.stack([np.arange(parts), np.arange(1, parts + 1)], axis=1) / parts
+    if shape == "interval":
+        return ends[:, :, None]
+    corner = [(i, j) for j in range(2) for i in range(2)]
+    pairs = [(a, b) for b in range(parts) for a in range(parts)]
+    return np.array([[[ends[a, i], ends[b, j]] for i, j in corner] for a, b in pairs])
 
 
 def _draw(facets: tuple[Any, Any], dim: int, file: Path, title: str | None) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 4.5), constrained_layout=True)
+    figure = Figure(figsize=(7, 4.5) if dim == 2 else (7.5, 6))
     FigureCanvasAgg(figure)
     if dim == 2:
         _draw_line(figure.add_subplot(), *facets)
@@ -75,7 +100,7 @@ def _draw_line(axes: Any, x: Any, p: Any) -> None:
     along = int(np.argmax(np.ptp(x.reshape(-1, 2), axis=0)))
     order = np.argsort(x[:, :, along].mean(axis=1))
     for xf, pf in zip(x[order], p[order]):
-        axes.plot(xf[:, along], pf, "o-", color="tab:blue", markersize=3)
+        axes.plot(xf[:, along], pf, "-", color="tab:blue")
     axes.set_xlabel("xy"[along])
     axes.set_ylabel("contact pressure")
     axes.grid(alpha=0.3)
@@ -88,13 +113,17 @@ def _draw_surface(figure: Any, x: Any, p: Any) -> None:
     axes = figure.add_subplot(projection="3d")
     around = [0, 1, 3, 2] if x.shape[1] == 4 else [0, 1, 2]
     scale = colors.Normalize(p.min(), p.max() if np.ptp(p) > 0 else p.min() + 1)
-    faces = Poly3DCollection(x[:, around], edgecolor="k", linewidth=0.2)
-    faces.set_facecolor(cm.viridis(scale(p.mean(axis=1))))
+    faces = Poly3DCollection(x[:, around], linewidth=0.1)
+    colours = cm.viridis(scale(p.mean(axis=1)))
+    faces.set_facecolor(colours)
+    faces.set_edgecolor(colours)
     axes.add_collection3d(faces)
     lower, upper = x.reshape(-1, 3).min(axis=0), x.reshape(-1, 3).max(axis=0)
     middle, half = 0.5 * (lower + upper), 0.5 * float(np.max(upper - lower))
     for axis, m in zip("xyz", middle):
         getattr(axes, f"set_{axis}lim")(m - half, m + half)
         getattr(axes, f"set_{axis}label")(axis)
-    axes.set_box_aspect((1, 1, 1))
-    figure.colorbar(cm.ScalarMappable(scale, cm.viridis), ax=axes, label="contact pressure")
+    axes.set_box_aspect((1, 1, 1), zoom=0.85)
+    axes.tick_params(labelsize=8)
+    mappable = cm.ScalarMappable(scale, cm.viridis)
+    figure.colorbar(mappable, ax=axes, label="contact pressure", shrink=0.7, pad=0.12)

@@ -16,9 +16,12 @@ Assembler<D>::Assembler(Surface slave, Particles particles, PairOptions<D> optio
                         std::vector<PetscInt> slave_dofs,
                         std::vector<std::int32_t> multiplier_local,
                         std::vector<PetscInt> multiplier_dofs)
-    : _slave(std::move(slave)), _particles(std::move(particles)), _options(options),
-      _slave_dofs(std::move(slave_dofs)), _multiplier_dofs(std::move(multiplier_dofs)),
-      _multiplier_local(std::move(multiplier_local))
+    : _slave(std::move(slave))
+    , _particles(std::move(particles))
+    , _options(options)
+    , _slave_dofs(std::move(slave_dofs))
+    , _multiplier_dofs(std::move(multiplier_dofs))
+    , _multiplier_local(std::move(multiplier_local))
 {
   const std::size_t n = _slave.size(), np = _particles.rule.size();
   const std::size_t nl = _particles.multiplier.nodes();
@@ -233,38 +236,37 @@ void Assembler<D>::tangent(Mat A) const
   BasisValues P, M;
   const bool same = _master.ref.isoparametric();
   for (int f = 0; f < _slave.size(); ++f)
-    for_each_pair(
-        f,
-        [&](int target, std::span<const int> particles)
-        {
-          dofs_of(f, target, dofs);
-          block.setZero(dofs.size(), dofs.size());
-          for (int p : particles)
-          {
-            const State& s = _states[f * np + p];
-            const double w = _particles.weight[f * np + p];
-            CouplingBasis B = basis(p);
-            if (target < 0)
-            {
-              add_open_tangent<D>(B, _options.law, w, _options.scale, block);
-              continue;
-            }
-            _master.ref.position.tabulate(s.target.xi.data(), P, true);
-            if (not same)
-              _master.ref.displacement.tabulate(s.target.xi.data(), M);
-            B.M = same ? &P : &M;
-            B.master = _master.nu();
-            const FacetPoint<D> point
-                = evaluate<D>(_master.facet_x(target), _master.np(), P, true);
-            const Kinematics<D> k = linearise<D>(_master, s.target, s.x, point,
-                                                 _options.search.rule, _options.normals, e);
-            const Traction<D> t = linearised_traction<D>(_options.law, s.lambda, k);
-            add_closed_tangent<D>(B, k, t, w, _options.scale, block);
-          }
-          check(MatSetValues(A, dofs.size(), dofs.data(), dofs.size(), dofs.data(), block.data(),
-                             ADD_VALUES),
-                "MatSetValues (contact tangent)");
-        });
+    for_each_pair(f,
+                  [&](int target, std::span<const int> particles)
+                  {
+                    dofs_of(f, target, dofs);
+                    block.setZero(dofs.size(), dofs.size());
+                    for (int p : particles)
+                    {
+                      const State& s = _states[f * np + p];
+                      const double w = _particles.weight[f * np + p];
+                      CouplingBasis B = basis(p);
+                      if (target < 0)
+                      {
+                        add_open_tangent<D>(B, _options.law, w, _options.scale, block);
+                        continue;
+                      }
+                      _master.ref.position.tabulate(s.target.xi.data(), P, true);
+                      if (not same)
+                        _master.ref.displacement.tabulate(s.target.xi.data(), M);
+                      B.M = same ? &P : &M;
+                      B.master = _master.nu();
+                      const FacetPoint<D> point
+                          = evaluate<D>(_master.facet_x(target), _master.np(), P, true);
+                      const Kinematics<D> k = linearise<D>(
+                          _master, s.target, s.x, point, _options.search.rule, _options.normals, e);
+                      const Traction<D> t = linearised_traction<D>(_options.law, s.lambda, k);
+                      add_closed_tangent<D>(B, k, t, w, _options.scale, block);
+                    }
+                    check(MatSetValues(A, dofs.size(), dofs.data(), dofs.size(), dofs.data(),
+                                       block.data(), ADD_VALUES),
+                          "MatSetValues (contact tangent)");
+                  });
 }
 
 template <int D>

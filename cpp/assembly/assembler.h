@@ -80,10 +80,10 @@ public:
   struct State
   {
     Target<D> target;
-    double lambda = 0;            ///< multiplier, negative in compression
-    double gap = -INFINITY;       ///< d_n, negative if open; −∞ without a target
-    Vector<D> x = Vector<D>::Zero();    ///< current position
-    Vector<D> n = Vector<D>::Zero();    ///< normal, inward to the master
+    double lambda = 0;               ///< multiplier, negative in compression
+    double gap = -INFINITY;          ///< d_n, negative if open; −∞ without a target
+    Vector<D> x = Vector<D>::Zero(); ///< current position
+    Vector<D> n = Vector<D>::Zero(); ///< normal, inward to the master
     bool closed = false;
   };
   const std::vector<State>& states() const { return _states; }
@@ -121,7 +121,8 @@ private:
   std::vector<double> _psi;                          // (particles, nodes of ψ)
   Search<D> _search;
   std::vector<State> _states, _accepted; // (facets, particles)
-  std::vector<std::int32_t> _near_offset, _near; // facets that share a vertex with each master facet
+  std::vector<std::int32_t> _near_offset,
+      _near; // facets that share a vertex with each master facet
   std::vector<std::vector<std::int64_t>> _pattern; // global numbers of targets in the pattern
 };
 

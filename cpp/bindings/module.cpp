@@ -96,18 +96,25 @@ void declare_geometry(py::module_& m)
       .def_property_readonly("candidate",
                              [](const Surface& s) { return as_array(s.candidate, {s.size()}); })
       .def_property_readonly("nodes",
-                             [](const Surface& s) { return as_array(s.nodes, {s.size(), s.nu()}); })
+                             [](const Surface& s) {
+                               return as_array(s.nodes, {s.size(), s.nu()});
+                             })
       .def_property_readonly("X",
-                             [](const Surface& s) { return as_array(s.X, {s.size(), s.np(), s.dim}); })
+                             [](const Surface& s) {
+                               return as_array(s.X, {s.size(), s.np(), s.dim});
+                             })
       .def_property_readonly("x",
-                             [](const Surface& s) { return as_array(s.x, {s.size(), s.np(), s.dim}); })
+                             [](const Surface& s) {
+                               return as_array(s.x, {s.size(), s.np(), s.dim});
+                             })
       .def_property_readonly(
-          "node_table",
-          [](const Surface& s)
+          "node_table", [](const Surface& s)
           { return as_array(s.node_table, {static_cast<py::ssize_t>(s.node_table.size())}); })
       .def("displace", [](Surface& s, const array<double>& u) { s.displace(span(u)); })
       .def("boxes",
-           [](const Surface& s) { return as_array(s.boxes(), {s.size(), 2, s.dim}); })
+           [](const Surface& s) {
+             return as_array(s.boxes(), {s.size(), 2, s.dim});
+           })
       .def("diameters",
            [](const Surface& s)
            {
@@ -117,11 +124,10 @@ void declare_geometry(py::module_& m)
              return as_array(d, {s.size()});
            });
 
-  m.def("with_ring", [](std::int64_t comm, const Surface& own)
-        { return with_ring(communicator(comm), own); });
-  m.def("with_targets",
-        [](std::int64_t comm, const Surface& ringed, int num_own, const array<double>& boxes,
-           double radius)
+  m.def("with_ring",
+        [](std::int64_t comm, const Surface& own) { return with_ring(communicator(comm), own); });
+  m.def("with_targets", [](std::int64_t comm, const Surface& ringed, int num_own,
+                           const array<double>& boxes, double radius)
         { return with_targets(communicator(comm), ringed, num_own, span(boxes), radius); });
 }
 
@@ -129,8 +135,9 @@ void declare_particles(py::module_& m)
 {
   py::class_<ParticleRule>(m, "ParticleRule")
       .def(py::init(
-               [](const array<double>& points, const array<double>& weights)
-               { return ParticleRule{vector(points), vector(weights)}; }),
+               [](const array<double>& points, const array<double>& weights) {
+                 return ParticleRule{vector(points), vector(weights)};
+               }),
            py::arg("points"), py::arg("weights"))
       .def_property_readonly("points",
                              [](const ParticleRule& r)
@@ -142,11 +149,13 @@ void declare_particles(py::module_& m)
                              [](const ParticleRule& r) { return as_array(r.weights, {r.size()}); });
   m.def("simpson", &simpson);
   m.def("particle_weights",
-        [](const Surface& s, const ParticleRule& r, bool axisymmetric)
-        { return as_array(particle_weights(s, r, axisymmetric), {s.size(), r.size()}); });
+        [](const Surface& s, const ParticleRule& r, bool axisymmetric) {
+          return as_array(particle_weights(s, r, axisymmetric), {s.size(), r.size()});
+        });
   m.def("lumped_weights",
-        [](const Surface& s, const TraceBasis& psi, const ParticleRule& r, bool axisymmetric)
-        { return as_array(lumped_weights(s, psi, r, axisymmetric), {s.size(), psi.nodes()}); });
+        [](const Surface& s, const TraceBasis& psi, const ParticleRule& r, bool axisymmetric) {
+          return as_array(lumped_weights(s, psi, r, axisymmetric), {s.size(), psi.nodes()});
+        });
 
   py::enum_<TargetRule>(m, "TargetRule")
       .value("proximity", TargetRule::proximity)
@@ -248,10 +257,8 @@ void declare_assembler(py::module_& m, const char* name)
       .def("update",
            [](A& a, const array<double>& us, const array<double>& um, const array<double>& lambda,
               double close) { return a.update(span(us), span(um), span(lambda), close); })
-      .def("residual", [](const A& a, std::uintptr_t b)
-           { a.residual(reinterpret_cast<::Vec>(b)); })
-      .def("tangent", [](const A& a, std::uintptr_t mat)
-           { a.tangent(reinterpret_cast<Mat>(mat)); })
+      .def("residual", [](const A& a, std::uintptr_t b) { a.residual(reinterpret_cast<::Vec>(b)); })
+      .def("tangent", [](const A& a, std::uintptr_t mat) { a.tangent(reinterpret_cast<Mat>(mat)); })
       .def("insert_pattern", [](A& a, std::uintptr_t mat, bool remember)
            { a.insert_pattern(reinterpret_cast<Mat>(mat), remember); })
       .def("pattern_holds", &A::pattern_holds)

@@ -47,8 +47,8 @@ void Surface::displace(std::span<const double> u)
       for (int a = 0; a < np; ++a)
         for (int b = 0; b < nu; ++b)
           for (int i = 0; i < dim; ++i)
-            xf[a * dim + i] += ref.interpolation[a * nu + b]
-                               * u[static_cast<std::size_t>(row[b]) * dim + i];
+            xf[a * dim + i]
+                += ref.interpolation[a * nu + b] * u[static_cast<std::size_t>(row[b]) * dim + i];
     }
   }
 }

@@ -83,8 +83,8 @@ struct FacetPoint
 {
   static constexpr int Q = D - 1;
   Vector<D> x;
-  Eigen::Matrix<double, D, Q> tau;                              ///< τ_α, columns
-  Eigen::Matrix<double, D, D == 2 ? 1 : 3> curvature;           ///< ∂²x: 11, 22, 12, columns
+  Eigen::Matrix<double, D, Q> tau;                    ///< τ_α, columns
+  Eigen::Matrix<double, D, D == 2 ? 1 : 3> curvature; ///< ∂²x: 11, 22, 12, columns
 
   /// ∂²_αβ x
   auto d2(int a, int b) const { return curvature.col(a == b ? a : 2); }
@@ -128,6 +128,9 @@ const double* reference_vertex(Shape shape, int v);
 std::array<int, 2> reference_edge(Shape shape, int e);
 
 /// Number of edges (2D: end vertices).
-constexpr int num_edges(Shape s) { return num_vertices(s); }
+constexpr int num_edges(Shape s)
+{
+  return num_vertices(s);
+}
 
 } // namespace dolfinx_contact

@@ -15,7 +15,10 @@ constexpr int max_degree = 2;
 struct Powers
 {
   double v[3][max_degree + 1];
-  explicit Powers(double x) : v{{1, x, x * x}, {0, 1, 2 * x}, {0, 0, 2}} {}
+  explicit Powers(double x)
+      : v{{1, x, x * x}, {0, 1, 2 * x}, {0, 0, 2}}
+  {
+  }
 };
 } // namespace
 

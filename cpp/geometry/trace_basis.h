@@ -23,15 +23,18 @@ constexpr int num_vertices(Shape s)
 }
 
 /// Dimension of a facet shape's reference domain.
-constexpr int facet_dim(Shape s) { return s == Shape::interval ? 1 : 2; }
+constexpr int facet_dim(Shape s)
+{
+  return s == Shape::interval ? 1 : 2;
+}
 
 /// Values and derivatives of a basis at one point.
 struct BasisValues
 {
   static constexpr int max_nodes = 9;
-  double N[max_nodes];                 ///< values
-  double dN[2][max_nodes];             ///< first derivatives, [α][node]
-  double ddN[3][max_nodes];            ///< second derivatives: 11, 22, 12
+  double N[max_nodes];      ///< values
+  double dN[2][max_nodes];  ///< first derivatives, [α][node]
+  double ddN[3][max_nodes]; ///< second derivatives: 11, 22, 12
 };
 
 /// A scalar Lagrange basis on a reference facet, as polynomials

@@ -34,7 +34,7 @@ ParticleRule simpson_triangle(int n)
   const int parts = 1 << n;
   std::map<std::pair<int, int>, double> merged; // (η, ξ): rows along ξ
   auto add = [&](int i, int j, double w) { merged[{j, i}] += w / (2 * parts * parts); };
-  auto part = [&](const int (&v)[3][2])
+  auto part = [&](const int(&v)[3][2])
   {
     int cx = 0, cy = 0;
     for (int k = 0; k < 3; ++k)

@@ -27,12 +27,13 @@ struct Traction
 {
   Vector<D> t = Vector<D>::Zero();
   Eigen::Matrix<double, D, Kinematics<D>::Z> dz; ///< ∂t/∂z
-  Vector<D> dlambda = Vector<D>::Zero();               ///< ∂t/∂λ
+  Vector<D> dlambda = Vector<D>::Zero();         ///< ∂t/∂λ
 };
 
 /// Value only.
 template <int D>
-Vector<D> traction(const ContactLaw& law, bool closed, double lambda, const Vector<D>& n, double gap)
+Vector<D> traction(const ContactLaw& law, bool closed, double lambda, const Vector<D>& n,
+                   double gap)
 {
   if (not closed)
     return Vector<D>::Zero();

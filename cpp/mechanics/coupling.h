@@ -14,9 +14,9 @@ namespace dolfinx_contact
 /// Bases at a particle and at its target.
 struct CouplingBasis
 {
-  const double* N = nullptr;        ///< slave displacement, `slave` values
-  const double* psi = nullptr;      ///< multiplier, `multiplier` values
-  const BasisValues* M = nullptr;   ///< master displacement, `master` values and derivatives
+  const double* N = nullptr;      ///< slave displacement, `slave` values
+  const double* psi = nullptr;    ///< multiplier, `multiplier` values
+  const BasisValues* M = nullptr; ///< master displacement, `master` values and derivatives
   int slave = 0, multiplier = 0, master = 0;
 
   template <int D>

@@ -35,7 +35,12 @@ class FacetProjection
 public:
   static constexpr int Q = D - 1;
 
-  FacetProjection(const Surface& s, int facet) : _s(s), _f(facet), _shape(s.ref.shape) {}
+  FacetProjection(const Surface& s, int facet)
+      : _s(s)
+      , _f(facet)
+      , _shape(s.ref.shape)
+  {
+  }
 
   /// Position, tangents and, if wanted, curvature at ξ.
   FacetPoint<D> at(const Vector<Q>& xi, bool second) const
@@ -211,8 +216,8 @@ public:
         double A = metric;
         if (not straight)
         {
-          const Vector<D> c = E[0] * E[0] * p.d2(0, 0) + 2 * E[0] * E[1] * p.d2(0, 1)
-                           + E[1] * E[1] * p.d2(1, 1);
+          const Vector<D> c
+              = E[0] * E[0] * p.d2(0, 0) + 2 * E[0] * E[1] * p.d2(0, 1) + E[1] * E[1] * p.d2(1, 1);
           A -= (r - m.dot(r) * m).dot(c);
           if (A <= 1e-3 * metric)
             A = metric;

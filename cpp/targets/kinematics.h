@@ -24,19 +24,19 @@ namespace dolfinx_contact
 enum Term : unsigned
 {
   all_terms = 0,
-  target_curvature = 1u << 0,      // (F4') (x¹ − x²)·∂²_αβ x²
-  target_gradient = 1u << 1,       // (F4') (x¹ − x²)·∂_α δu²
-  edge_curvature = 1u << 2,        // (F4c) r·T_m ∂²_EE x²
-  edge_gradient = 1u << 3,         // (F4c) r·T_m ∂_E δu²
-  normal_gradient = 1u << 4,       // (F7') ∂_α δu² in δτ_α
-  normal_curvature = 1u << 5,      // (F7') ∂²_αβ x² δξ^β in δτ_α
-  gap_sliding = 1u << 6,           // (F12) τ_α δξ^α
-  gap_turning = 1u << 7,           // (F12) (x¹ − x²)·δn
-  traction_turning = 1u << 8,      // (F9) λ δn
-  traction_multiplier = 1u << 9,   // (F9) δλ n
-  moving_target = 1u << 10,        // (F9) t·∂_α w² δξ^α
-  gap_row = 1u << 11,              // (F13) δd_n λ*
-  open_row = 1u << 12,             // (F13) δλ λ*/ρ_n
+  target_curvature = 1u << 0,    // (F4') (x¹ − x²)·∂²_αβ x²
+  target_gradient = 1u << 1,     // (F4') (x¹ − x²)·∂_α δu²
+  edge_curvature = 1u << 2,      // (F4c) r·T_m ∂²_EE x²
+  edge_gradient = 1u << 3,       // (F4c) r·T_m ∂_E δu²
+  normal_gradient = 1u << 4,     // (F7') ∂_α δu² in δτ_α
+  normal_curvature = 1u << 5,    // (F7') ∂²_αβ x² δξ^β in δτ_α
+  gap_sliding = 1u << 6,         // (F12) τ_α δξ^α
+  gap_turning = 1u << 7,         // (F12) (x¹ − x²)·δn
+  traction_turning = 1u << 8,    // (F9) λ δn
+  traction_multiplier = 1u << 9, // (F9) δλ n
+  moving_target = 1u << 10,      // (F9) t·∂_α w² δξ^α
+  gap_row = 1u << 11,            // (F13) δd_n λ*
+  open_row = 1u << 12,           // (F13) δλ λ*/ρ_n
   last_term = open_row
 };
 
@@ -56,7 +56,7 @@ struct Kinematics
 
   Vector<D> n = Vector<D>::Zero(); ///< inward to the master
   Vector<D> r = Vector<D>::Zero(); ///< x¹ − x²
-  double gap = -INFINITY;    ///< d_n, positive in penetration
+  double gap = -INFINITY;          ///< d_n, positive in penetration
 
   Eigen::Matrix<double, Q, Z> dxi; ///< δξ = dxi z
   Eigen::Matrix<double, D, Z> dn;  ///< δn = dn z
@@ -109,7 +109,8 @@ void free_target(TargetRule rule, const Vector<D>& e, const FacetPoint<D>& p, Ki
 
 // δξ of a target clamped to an edge (F4c); m is zero for proximity and constant for a direction
 template <int D, unsigned Drop>
-void clamped_target(const Vector<D>& m, const Vector<D - 1>& E, const FacetPoint<D>& p, Kinematics<D>& k)
+void clamped_target(const Vector<D>& m, const Vector<D - 1>& E, const FacetPoint<D>& p,
+                    Kinematics<D>& k)
 {
   const Vector<D> tau = p.tau * E;
   const Vector<D> b = tau - m.dot(tau) * m, rm = k.r - m.dot(k.r) * m;

@@ -12,7 +12,8 @@ constexpr double grazing = 0.1; // least |e·n_f| of a facet met along e (formul
 } // namespace
 
 template <int D>
-Search<D>::Search(const Surface& master, const SearchOptions<D>& options) : _options(options)
+Search<D>::Search(const Surface& master, const SearchOptions<D>& options)
+    : _options(options)
 {
   _diameter.resize(master.size());
   for (int f = 0; f < master.size(); ++f)
@@ -128,8 +129,8 @@ auto Search<D>::on_facet(const Surface& master, int f, const Vector<D>& x,
 
 // (F5) misses the surface: the nearest physical end beside the ray, seen along e.
 template <int D>
-auto Search<D>::at_end(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const
-    -> Found
+auto Search<D>::at_end(const Surface& master, int f, const Vector<D>& x,
+                       const Vector<D>& outward) const -> Found
 {
   Found found;
   const FacetProjection<D> facet(master, f);
@@ -205,14 +206,15 @@ Target<D> Search<D>::find(const Surface& master, const Vector<D>& x, const Vecto
     best = on_facet(master, former.facet, x, outward);
     limit = std::min(limit, best.cost + slack);
   }
-  _tree.descend(key,
-                [&](int f)
-                {
-                  if (master.candidate[f] and f != former.facet)
-                    best_of(master, on_facet(master, f, x, outward), best);
-                  return std::min(_options.radius, best.cost + slack);
-                },
-                limit);
+  _tree.descend(
+      key,
+      [&](int f)
+      {
+        if (master.candidate[f] and f != former.facet)
+          best_of(master, on_facet(master, f, x, outward), best);
+        return std::min(_options.radius, best.cost + slack);
+      },
+      limit);
 
   if (best.target.facet >= 0 and former.facet >= 0)
   {
@@ -221,14 +223,15 @@ Target<D> Search<D>::find(const Surface& master, const Vector<D>& x, const Vecto
       best = kept;
   }
   if (best.target.facet < 0 and _options.rule == TargetRule::direction)
-    _tree.descend(key,
-                  [&](int f)
-                  {
-                    if (master.candidate[f])
-                      best_of(master, at_end(master, f, x, outward), best);
-                    return _options.radius; // keys are distances along e, costs beside it
-                  },
-                  _options.radius);
+    _tree.descend(
+        key,
+        [&](int f)
+        {
+          if (master.candidate[f])
+            best_of(master, at_end(master, f, x, outward), best);
+          return _options.radius; // keys are distances along e, costs beside it
+        },
+        _options.radius);
 
   if (best.target.facet >= 0
       and not within_end(FacetProjection<D>(master, best.target.facet), x, best.target))

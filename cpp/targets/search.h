@@ -20,9 +20,9 @@ struct SearchOptions
 {
   TargetRule rule = TargetRule::proximity;
   Vector<D> direction = Vector<D>::Zero(); ///< unit vector e of (F5), zero for proximity
-  double radius = INFINITY;          ///< d_max: farther points are no targets
-  double end_tolerance = 0.5;        ///< overshoot of a physical end that is still clamped, relative
-  double margin = 1e-2;              ///< the former facet is kept while ξ is so near to it
+  double radius = INFINITY;                ///< d_max: farther points are no targets
+  double end_tolerance = 0.5; ///< overshoot of a physical end that is still clamped, relative
+  double margin = 1e-2;       ///< the former facet is kept while ξ is so near to it
 };
 
 /// Search of targets on the whole current master surface (the application A of the formulation).
@@ -54,7 +54,8 @@ private:
 
   Found on_facet(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const;
   Found at_end(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const;
-  bool faces(const FacetProjection<D>& facet, const FacetPoint<D>& p, const Vector<D>& outward) const;
+  bool faces(const FacetProjection<D>& facet, const FacetPoint<D>& p,
+             const Vector<D>& outward) const;
   bool within_end(const FacetProjection<D>& facet, const Vector<D>& x, const Target<D>& t) const;
   Found keep(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
              const Target<D>& former, double cost) const;
