@@ -19,7 +19,7 @@ from . import meshes, plot
 from .errors import ContactError, ConvergenceError, InputError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
-from .rules import Gauss, Nodes, Proximity, SeekDirection, Simpson
+from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson
 from .strategy import Newton, Report
 from .surface import Surface
 
@@ -31,6 +31,7 @@ __all__ = [
     "ConvergenceError",
     "Gauss",
     "InputError",
+    "Lobatto",
     "Newton",
     "Nodes",
     "Particles",

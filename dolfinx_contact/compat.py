@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Sequence
 
+import basix
 import numpy as np
 import numpy.typing as npt
 import ufl
@@ -239,6 +240,18 @@ def petsc_vec(function: fem.Function) -> Any:
 def scatter_reverse_add(vector: Any) -> None:
     """Add ghost values of a Function or of a DOLFINx vector to their owners. Collective."""
     (vector.x if hasattr(vector, "x") else vector).scatter_reverse(_ADD)
+
+
+def quadrature(
+    shape: str, degree: int, lobatto: bool = False
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Points (points, dimension) and weights of a Gauss (or Gauss–Lobatto) rule by Basix."""
+    cell = getattr(basix.CellType, shape)
+    kind = basix.QuadratureType
+    rule = kind.gll if lobatto else getattr(kind, "Default", None) or kind.default
+    if _OLD:
+        return basix.make_quadrature(rule, cell, degree)
+    return basix.make_quadrature(cell, degree, rule=rule)
 
 
 # -- index maps -------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from . import _cpp, compat
 from .errors import together
+from .held import agreed, excluded, multiplier_dofs
 from .layout import Layout
 from .pair import ContactPair
 from .rules import SeekDirection
@@ -103,6 +104,8 @@ class PairAssembly:
         with together(self._comm, "contact set-up"):
             self.assembler = self._make(own, slave_dofs)
         self._own = own
+        self._excluded = excluded(pair)
+        self.held = self._excluded.copy()
 
     def _search_radius(self, slave: Any, master: Any) -> float:
         """d_max: the user's, or half the diagonal of the smaller surface's bounding box."""
@@ -119,20 +122,18 @@ class PairAssembly:
 
     def _make(self, own: Any, slave_dofs: npt.NDArray[Any]) -> Any:
         pair = self.pair
-        rule, weight = pair.integration.particles(own, self._shape, pair._psi, pair.axisymmetric)
+        weight = pair.integration.weights(
+            own, pair.slave.shape, pair._rule, pair._psi, pair.axisymmetric
+        )
         powers, coefficients, points = pair._psi
-        V = pair._multiplier.function_space
-        # one row a facet: the facet mesh has its cells in its own order
-        dofs = np.zeros((len(own), len(points)), dtype=np.int32)
-        cells = pair.slave.facet_mesh_cells
-        dofs[cells] = compat.dof_list(V)[: len(cells)]
         directed = isinstance(pair.target, SeekDirection)
         kind = _cpp.Assembler2 if pair.slave.dim == 2 else _cpp.Assembler3
         return kind(
             own,
-            rule,
+            pair._rule,
             weight,
             _cpp.TraceBasis(points.shape[1], powers, coefficients),
+            points,
             _cpp.TargetRule.direction if directed else _cpp.TargetRule.proximity,
             getattr(_cpp.NormalRule, pair.normals),
             pair.target.unit if directed else np.zeros(pair.slave.dim),
@@ -140,9 +141,29 @@ class PairAssembly:
             pair.target.end_tolerance,
             pair.augmented,
             slave_dofs,
-            dofs,
-            self._layout.local_dofs(self.multiplier_block, held=True),
+            multiplier_dofs(pair),
+            self._layout.local_dofs(self.multiplier_block),
         )
+
+    # -- at the start of a step -----------------------------------------------------------------
+
+    def hold(self) -> None:
+        """Hold the multipliers without a free gap at zero, and those the user excludes.
+
+        Needs the surfaces in place, thus one call of ``update`` before. Collective.
+        """
+        with together(self._comm, "contact set-up"):
+            fixed = self.assembler.fixed_multipliers()
+        self.held = self._excluded | agreed(self.pair, fixed, any_facet=False)
+        self.pair._multiplier.x.array[self.held] = 0.0
+        dofs = self._layout.local_dofs(self.multiplier_block)
+        self.assembler.set_multiplier_dofs(np.where(self.held, -1, dofs))
+
+    def held_rows(self) -> npt.NDArray[Any]:
+        """System dofs of the held multipliers that this rank owns."""
+        size = self._layout.slice(self.multiplier_block)
+        dofs = self._layout.local_dofs(self.multiplier_block)
+        return dofs[: size.stop - size.start][self.held[: size.stop - size.start]]
 
     # -- every iteration ------------------------------------------------------------------------
 

@@ -64,16 +64,13 @@ class Layout:
         rank = np.searchsorted(starts, dofs, side="right") - 1
         return self._system_starts[rank, block] + dofs - starts[rank]
 
-    def local_dofs(self, block: int, held: bool = False) -> npt.NDArray[Any]:
-        """System dofs of a block's local unrolled dofs, ghosts included; −1 where held if asked."""
+    def local_dofs(self, block: int) -> npt.NDArray[Any]:
+        """System dofs of a block's local unrolled dofs, ghosts included."""
         dofmap = self.functions[block].function_space.dofmap
         size = self.block_sizes[block]
         blocks = compat.global_indices(dofmap.index_map)
         unrolled = (blocks[:, None] * size + np.arange(size)).ravel()
-        dofs = self.system_dofs(block, unrolled)
-        if held:
-            dofs[self._held[block]] = -1
-        return dofs.astype(PETSc.IntType)
+        return self.system_dofs(block, unrolled).astype(PETSc.IntType)
 
     def held_mask(self, block: int) -> npt.NDArray[np.bool_]:
         """Whether a Dirichlet condition holds each local unrolled dof of a block."""

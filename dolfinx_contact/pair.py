@@ -12,8 +12,8 @@ from dolfinx import fem
 
 from . import _cpp, compat
 from .errors import ContactError, InputError, together
-from .rules import Gauss, Nodes, Proximity, SeekDirection, Simpson
-from .surface import Surface, basis_polynomials
+from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, check_determined
+from .surface import Surface, basis_polynomials, check_available, check_tags
 
 
 class ContactPair:
@@ -26,8 +26,11 @@ class ContactPair:
         master: carries the targets
         target: Proximity() or SeekDirection(e)
         normals: "facet" (F7) or "direction" (n = ±e, with SeekDirection only); None: "facet"
-        integration: Simpson(n), Gauss(degree) or Nodes()
+        integration: Simpson(n), Gauss(degree), Lobatto(points) or Nodes()
         pressure_space: family and degree of λ on the slave's facets: "Lagrange" 1 or 2, "DG" 0 to 2
+        exclude: (facet_tags, tags): multipliers are held at zero on nodes of these facets of the
+            slave's mesh. Nodes where Dirichlet conditions already fix the gap are found
+            automatically
         axisymmetric: weigh the particles with 2πR, R = X_1 (2D only)
         rho_n: augmentation parameter [pressure/length] in place of the automatic one
         initial_contact: open particles nearer to the master than this fraction of the facet's
@@ -52,8 +55,9 @@ class ContactPair:
         *,
         target: Proximity | SeekDirection = Proximity(),
         normals: str | None = None,
-        integration: Simpson | Gauss | Nodes = Simpson(1),
+        integration: Simpson | Gauss | Lobatto | Nodes = Simpson(1),
         pressure_space: tuple[str, int] = ("Lagrange", 1),
+        exclude: tuple[Any, Any] | None = None,
         axisymmetric: bool = False,
         rho_n: float | None = None,
         initial_contact: float = 1e-3,
@@ -74,6 +78,9 @@ class ContactPair:
         with together(self.comm, "ContactPair"):
             self._check()
             self._psi = self._pressure_basis()
+            self._rule = integration.rule(slave.shape, self._psi)
+            check_determined(integration, self._rule, self._psi)
+        self.exclude = None if exclude is None else self._check_exclude(exclude)
         V = compat.function_space(slave.mesh, tuple(pressure_space))
         self.pressure = fem.Function(V, name="pressure")
         self._multiplier = fem.Function(V, name="multiplier")
@@ -85,10 +92,10 @@ class ContactPair:
             raise InputError(
                 f"ContactPair: target is {self.target!r}; give Proximity() or SeekDirection(e)."
             )
-        if not isinstance(self.integration, (Simpson, Gauss, Nodes)):
+        if not isinstance(self.integration, (Simpson, Gauss, Lobatto, Nodes)):
             raise InputError(
                 f"ContactPair: integration is {self.integration!r}; give Simpson(n),"
-                " Gauss(degree) or Nodes()."
+                " Gauss(degree), Lobatto(points) or Nodes()."
             )
         if slave.dim != master.dim:
             raise InputError(
@@ -133,6 +140,19 @@ class ContactPair:
                     f" {len(common)} facets on rank {self.comm.rank}; a facet can be on one side"
                     " only. Give the two surfaces different tags."
                 )
+
+    def _check_exclude(self, exclude: Any) -> tuple[Any, list[int]]:
+        mesh = self.slave.u.function_space.mesh
+        with together(self.comm, "ContactPair"):
+            try:
+                facet_tags, tags = exclude
+            except (TypeError, ValueError):
+                raise InputError(
+                    f"ContactPair: exclude is {exclude!r}; give a pair (facet_tags, tags)."
+                ) from None
+            tags = check_tags(facet_tags, tags, mesh)
+        check_available(self.comm, facet_tags, tags)
+        return facet_tags, tags
 
     def _pressure_basis(self) -> Any:
         family, degree = self.pressure_space

@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Sequence
 
-import basix
 import numpy as np
 import numpy.typing as npt
 
-from . import _cpp
+from . import _cpp, compat
 from .errors import InputError
 
 
@@ -88,8 +87,16 @@ def _check_search(rule: Any) -> None:
 # -- particles ------------------------------------------------------------------------------------
 
 
+class _Quadrature:
+    """Rules whose particles carry the weights of a quadrature on the reference facet."""
+
+    def weights(self, slave: Any, shape: str, rule: Any, psi: Any, axisymmetric: bool) -> Any:
+        """Reference measure of each particle, (facets, particles)."""
+        return _cpp.particle_weights(slave, rule, axisymmetric)
+
+
 @dataclass(frozen=True)
-class Simpson:
+class Simpson(_Quadrature):
     """Sub-element Simpson points: 2ⁿ parts of a facet per direction (4ⁿ triangles).
 
     Args:
@@ -105,15 +112,14 @@ class Simpson:
         if not isinstance(self.n, int) or not 0 <= self.n <= 6:
             raise InputError(f"Simpson: n is {self.n!r}; give an integer from 0 to 6.")
 
-    def particles(self, slave: Any, shape: Any, psi: Any, axisymmetric: bool) -> Any:
-        """The rule on the reference facet, and each particle's measure (facets, particles)."""
-        rule = _cpp.simpson(shape, self.n)
-        return rule, _cpp.particle_weights(slave, rule, axisymmetric)
+    def rule(self, shape: str, psi: Any) -> Any:
+        """Points and weights on the reference facet."""
+        return _cpp.simpson(getattr(_cpp.Shape, shape), self.n)
 
 
 @dataclass(frozen=True)
-class Gauss:
-    """Gauss points (Gauss–Jacobi on triangles beyond Basix's tables), exact up to a degree.
+class Gauss(_Quadrature):
+    """Gauss points, exact up to a degree (Basix's rules).
 
     Args:
         degree: of the polynomials that are integrated exactly on an affine facet, from 1 to 20
@@ -128,39 +134,88 @@ class Gauss:
         if not isinstance(self.degree, int) or not 1 <= self.degree <= 20:
             raise InputError(f"Gauss: degree is {self.degree!r}; give an integer from 1 to 20.")
 
-    def particles(self, slave: Any, shape: Any, psi: Any, axisymmetric: bool) -> Any:
-        """The rule on the reference facet, and each particle's measure (facets, particles)."""
-        rule = _gauss(shape, self.degree)
-        return rule, _cpp.particle_weights(slave, rule, axisymmetric)
+    def rule(self, shape: str, psi: Any) -> Any:
+        """Points and weights on the reference facet."""
+        return _cpp.ParticleRule(*compat.quadrature(shape, self.degree))
+
+
+@dataclass(frozen=True)
+class Lobatto(_Quadrature):
+    """Gauss–Lobatto points: on intervals and, as a tensor product, on quadrilaterals.
+
+    Args:
+        points: per direction, ends included, from 2 to 10; exact for degree 2 points − 3
+
+    Raises:
+        InputError: any other number; on use, triangular facets
+    """
+
+    points: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.points, int) or not 2 <= self.points <= 10:
+            raise InputError(f"Lobatto: points is {self.points!r}; give an integer from 2 to 10.")
+
+    def rule(self, shape: str, psi: Any) -> Any:
+        """Points and weights on the reference facet."""
+        if shape == "triangle":
+            raise InputError(
+                "Lobatto: there is no Gauss-Lobatto rule on triangles; use Simpson(n), whose"
+                " particles lie on vertices and edges too, or Gauss(degree)."
+            )
+        points, weights = compat.quadrature(shape, 2 * self.points - 3, lobatto=True)
+        return _cpp.ParticleRule(np.clip(points, 0.0, 1.0), weights)  # ends without round-off
 
 
 @dataclass(frozen=True)
 class Nodes:
     """The nodes of the pressure space, with lumped weights ∫ ψ_a dΓ."""
 
-    def particles(self, slave: Any, shape: Any, psi: Any, axisymmetric: bool) -> Any:
-        """The nodes on the reference facet, and each particle's measure (facets, particles).
+    def rule(self, shape: str, psi: Any) -> Any:
+        """Nodes on the reference facet, and ∫ ψ_a there.
 
         Raises:
             InputError: pressures of degree 2 on triangles, where ∫ ψ_a dΓ = 0 at the vertices
         """
-        powers, coefficients, points = psi
-        basis = _cpp.TraceBasis(points.shape[1], powers, coefficients)
-        rule = _cpp.ParticleRule(points, np.zeros(len(points)))
-        fine = _gauss(shape, 10)
-        integrals = [
-            sum(w * basis.values(x)[a] for x, w in zip(fine.points, fine.weights))
-            for a in range(len(points))
-        ]
-        if min(integrals) < 1e-12:
+        points, weights = compat.quadrature(shape, 4)
+        lumped = weights @ _values(psi, points)
+        if lumped.min() < 1e-12:
             raise InputError(
                 "Nodes: a nodal rule with pressures of degree 2 on triangles has particles without"
                 " weight (∫ ψ_a dΓ = 0 at the vertices), and the system would be singular. Use"
                 " Simpson(n) or Gauss(degree), or pressures of degree 1."
             )
-        return rule, _cpp.lumped_weights(slave, basis, fine, axisymmetric)
+        return _cpp.ParticleRule(psi[2], lumped)
+
+    def weights(self, slave: Any, shape: str, rule: Any, psi: Any, axisymmetric: bool) -> Any:
+        """Lumped measure of each particle, (facets, particles): the axisymmetric factor stays
+        inside the integral, so that a node on the axis keeps a weight."""
+        powers, coefficients, nodes = psi
+        basis = _cpp.TraceBasis(nodes.shape[1], powers, coefficients)
+        fine = _cpp.ParticleRule(*compat.quadrature(shape, 10))
+        return _cpp.lumped_weights(slave, basis, fine, axisymmetric)
 
 
-def _gauss(shape: Any, degree: int) -> Any:
-    points, weights = basix.make_quadrature(getattr(basix.CellType, shape.name), degree)
-    return _cpp.ParticleRule(points, weights)
+def _values(psi: Any, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Pressure basis at points of the reference facet, (points, nodes)."""
+    powers, coefficients, _ = psi
+    return np.prod(points[:, None, :] ** powers[None], axis=2) @ coefficients.T
+
+
+def check_determined(integration: Any, rule: Any, psi: Any) -> None:
+    """Refuse a rule whose particles do not determine the pressure on a facet.
+
+    With Ψ_pa = ψ_a(ξ_p), (F2) has the rows Ψᵀ(…): if the rank of Ψ is less than the number of ψ_a,
+    some pressure is zero at all particles, its rows are null and the system is singular.
+
+    Raises:
+        InputError: the rank is too small
+    """
+    points, nodes = rule.points, psi[2]
+    rank = np.linalg.matrix_rank(_values(psi, points), tol=1e-10)
+    if rank < len(nodes):
+        raise InputError(
+            f"{integration}: {len(points)} particles a facet determine {rank} of the {len(nodes)}"
+            " pressure values of a facet; the rows of the others would be null and the system"
+            " singular. Use a richer rule, or a pressure space of lower degree."
+        )

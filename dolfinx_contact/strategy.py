@@ -122,12 +122,7 @@ class _Loop:
     def run(self) -> Report:
         system, report = self.system, self.report
         start = time.perf_counter()
-        system.reference_force = 0.0
-        system.read()
-        if system.A is None:
-            system.residual(system.x, system.b)
-            system.create_matrix()
-            system.read()  # the scale of λ is known now
+        system.start()
         snes = self._snes()
         try:
             snes.solve(None, system.x)

@@ -79,8 +79,8 @@ class Surface:
 
         with together(self.comm, "Surface"):
             degree = _check_displacement(u)
-            self.tags = _check_tags(facet_tags, tags, mesh)
-        self._check_available(facet_tags)
+            self.tags = check_tags(facet_tags, tags, mesh)
+        check_available(self.comm, facet_tags, self.tags)
 
         exterior = compat.exterior_facets(mesh)
         with together(self.comm, "Surface"):
@@ -94,17 +94,6 @@ class Surface:
             self._read(degree)
 
     # -- checks -----------------------------------------------------------------------------
-
-    def _check_available(self, facet_tags: Any) -> None:
-        """Refuse tags that no rank knows. Collective; all ranks come to the same answer."""
-        known = self.comm.allgather(np.unique(np.asarray(facet_tags.values)).tolist())
-        available = sorted(set(itertools.chain.from_iterable(known)))
-        unknown = [tag for tag in self.tags if tag not in available]
-        if unknown:
-            raise InputError(
-                f"Surface: no facet has the tag {', '.join(map(str, unknown))}; the facet tags"
-                f" hold {available}. Choose among these, or tag the facets."
-            )
 
     def _select(self, facet_tags: Any, exterior: npt.NDArray[np.int32]) -> None:
         """Find this rank's facets, and refuse facets between two cells."""
@@ -140,12 +129,12 @@ class Surface:
         self.id = compat.original_cells(mesh)[self.cells] * 8 + self.local_facets
 
         cell_nodes = compat.cell_geometry_dofs(mesh)
-        on_facet = _closure(cell, geometry_degree)[self.local_facets]
+        on_facet = facet_closure(cell, geometry_degree)[self.local_facets]
         nodes = cell_nodes[self.cells[:, None], on_facet]
         self._facet_nodes = compat.global_indices(mesh.geometry.index_map())[nodes]
         self.vertices = self._facet_nodes[:, : len(basix.geometry(_cell_type(self.shape)))]
 
-        on_facet = _closure(cell, degree)[self.local_facets]
+        on_facet = facet_closure(cell, degree)[self.local_facets]
         dofs = compat.dof_list(V)[self.cells[:, None], on_facet]
         self.nodes = compat.global_indices(V.dofmap.index_map)[dofs]
 
@@ -249,7 +238,7 @@ def _check_displacement(u: fem.Function) -> int:
     return degree
 
 
-def _check_tags(facet_tags: Any, tags: int | Iterable[int], mesh: Any) -> list[int]:
+def check_tags(facet_tags: Any, tags: int | Iterable[int], mesh: Any) -> list[int]:
     """The tags as a list, after checks of what every rank can see."""
     if not all(hasattr(facet_tags, name) for name in ("dim", "indices", "values")):
         raise InputError(f"Surface: facet_tags is a {type(facet_tags).__name__}; give MeshTags.")
@@ -269,6 +258,18 @@ def _check_tags(facet_tags: Any, tags: int | Iterable[int], mesh: Any) -> list[i
     if not wanted:
         raise InputError("Surface: tags is empty; give at least one tag.")
     return wanted
+
+
+def check_available(comm: Any, facet_tags: Any, tags: list[int]) -> None:
+    """Refuse tags that no rank knows. Collective; all ranks come to the same answer."""
+    known = comm.allgather(np.unique(np.asarray(facet_tags.values)).tolist())
+    available = sorted(set(itertools.chain.from_iterable(known)))
+    unknown = [tag for tag in tags if tag not in available]
+    if unknown:
+        raise InputError(
+            f"Surface: no facet has the tag {', '.join(map(str, unknown))}; the facet tags"
+            f" hold {available}. Choose among these, or tag the facets."
+        )
 
 
 # -- the reference facet ------------------------------------------------------------------------
@@ -365,7 +366,7 @@ def _on_facets(cell: str, xi: npt.NDArray[np.float64]) -> npt.NDArray[np.float64
     return corners[:, :1] + np.matmul(xi, edges)
 
 
-def _closure(cell: str, degree: int) -> npt.NDArray[np.int64]:
+def facet_closure(cell: str, degree: int) -> npt.NDArray[np.int64]:
     """Nodes of the cell's Lagrange element in the order of the standard facet element.
 
     Matched by position, facet by facet; shape (facets, facet nodes).

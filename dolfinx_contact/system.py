@@ -177,6 +177,7 @@ class System:
         with together(self.comm, "contact tangent"):
             for contact in self.contacts:
                 contact.assembler.tangent(A.handle)
+                _add_diagonal(A, contact.held_rows(), 1.0)
         A.assemble()
 
     def _add_bulk(self, A: Any, bcs: Sequence[Any]) -> None:
@@ -235,11 +236,27 @@ class System:
         _add_diagonal(A, rows.astype(PETSc.IntType), 0.0)
         A.assemble()
 
-    def create_matrix(self) -> None:
-        """Make the matrix for the present targets, and choose scales and ρ_n. Collective.
+    def start(self) -> None:
+        """Begin a step at the Functions' present values. Collective.
 
-        Needs the surfaces in place, thus one call of ``residual`` before.
+        Places the surfaces with the Dirichlet values imposed, finds the multipliers to hold, makes
+        the matrix if there is none yet, and fills x.
         """
+        self.reference_force = 0.0
+        before = [u.x.array.copy() for u in self.u]
+        for u in self.u:
+            compat.set_bc(u, self.bcs)
+        for contact in self.contacts:
+            contact.update()
+            contact.hold()
+        for u, values in zip(self.u, before):
+            u.x.array[:] = values
+        if self.A is None:
+            self.create_matrix()
+        self.read()
+
+    def create_matrix(self) -> None:
+        """Make the matrix for the present targets, and choose scales and ρ_n."""
         n = self.layout.owned
         self.A = PETSc.Mat().create(self.comm)
         self.A.setSizes(((n, None), (n, None)))

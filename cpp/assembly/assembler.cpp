@@ -139,6 +139,55 @@ int Assembler<D>::update(std::span<const double> u_slave, std::span<const double
 }
 
 template <int D>
+void Assembler<D>::set_multiplier_dofs(std::vector<PetscInt> dofs)
+{
+  if (dofs.size() != _multiplier_dofs.size())
+    throw std::invalid_argument("Assembler: one dof for each local multiplier is needed");
+  _multiplier_dofs = std::move(dofs);
+}
+
+template <int D>
+std::vector<std::uint8_t> Assembler<D>::fixed_multipliers() const
+{
+  const int nl = _particles.multiplier.nodes();
+  std::vector<std::uint8_t> fixed(static_cast<std::size_t>(_slave.size()) * nl, 0);
+  constexpr double none = 1e-8; // a basis value or a component of the normal that counts as zero
+
+  // no node of facet f with N_a(ξ) ≠ 0 is free to move along n
+  auto held = [&](const Surface& s, int f, const std::vector<PetscInt>& dofs, const double* xi,
+                  const Vector<D>& n)
+  {
+    double N[BasisValues::max_nodes];
+    s.ref.displacement.values(xi, N);
+    for (int a = 0; a < s.nu(); ++a)
+      for (int i = 0; i < D; ++i)
+        if (std::abs(N[a]) > none and std::abs(n[i]) > none
+            and dofs[s.local[f * s.nu() + a] * D + i] >= 0)
+          return false;
+    return true;
+  };
+
+  for (int f = 0; f < _slave.size(); ++f)
+    for (int a = 0; a < nl; ++a)
+    {
+      const double* xi = &_particles.nodes[a * (D - 1)];
+      BasisValues b;
+      _slave.ref.position.tabulate(xi, b);
+      const FacetPoint<D> point = evaluate<D>(_slave.facet_x(f), _slave.np(), b, false);
+      const Vector<D> outward = -double(_slave.sigma[f]) * point.area_vector().normalized();
+      const Target<D> t = _search.find(_master, point.x, outward, {});
+      if (t.facet < 0) // open: its row is regular
+        continue;
+      Kinematics<D> k;
+      place<D>(_master, t, point.x, FacetProjection<D>(_master, t.facet).at(t.xi, false),
+               _options.normals, _options.search.direction, k);
+      fixed[f * nl + a] = held(_slave, f, _slave_dofs, xi, k.n)
+                          and held(_master, t.facet, _master_dofs, t.xi.data(), k.n);
+    }
+  return fixed;
+}
+
+template <int D>
 CouplingBasis Assembler<D>::basis(int particle) const
 {
   CouplingBasis b;

@@ -15,6 +15,7 @@ struct Particles
   ParticleRule rule;
   std::vector<double> weight; ///< reference measure of each, (facets, particles)
   TraceBasis multiplier;      ///< basis ψ of the multiplier on a facet
+  std::vector<double> nodes;  ///< its nodes on the reference facet, (nodes of ψ, D − 1)
 };
 
 /// Settings of a pair that the particles share.
@@ -71,6 +72,14 @@ public:
 
   /// True if all targets are within the pattern inserted last.
   bool pattern_holds() const;
+
+  /// Multipliers whose gap no free displacement can change: at their node the slave and its target
+  /// are held in the direction of the normal. Needs `update` before.
+  /// @returns (facets, nodes of ψ), 1 where the facet says so
+  std::vector<std::uint8_t> fixed_multipliers() const;
+
+  /// System dofs of the local multipliers, −1 if held.
+  void set_multiplier_dofs(std::vector<PetscInt> dofs);
 
   PairOptions<D>& options() { return _options; }
   const Surface& slave() const { return _slave; }

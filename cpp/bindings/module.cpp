@@ -226,9 +226,9 @@ void declare_assembler(py::module_& m, const char* name)
   py::class_<A>(m, name)
       .def(py::init(
                [](const Surface& slave, const ParticleRule& rule, const array<double>& weight,
-                  const TraceBasis& multiplier, TargetRule target, NormalRule normals,
-                  const std::array<double, D>& direction, double radius, double end_tolerance,
-                  bool augmented, const array<PetscInt>& slave_dofs,
+                  const TraceBasis& multiplier, const array<double>& nodes, TargetRule target,
+                  NormalRule normals, const std::array<double, D>& direction, double radius,
+                  double end_tolerance, bool augmented, const array<PetscInt>& slave_dofs,
                   const array<std::int32_t>& local, const array<PetscInt>& dofs)
                {
                  PairOptions<D> o;
@@ -239,12 +239,12 @@ void declare_assembler(py::module_& m, const char* name)
                  o.search.end_tolerance = end_tolerance;
                  o.normals = normals;
                  o.law.augmented = augmented;
-                 return A(slave, {rule, vector(weight), multiplier}, o, vector(slave_dofs),
-                          vector(local), vector(dofs));
+                 return A(slave, {rule, vector(weight), multiplier, vector(nodes)}, o,
+                          vector(slave_dofs), vector(local), vector(dofs));
                }),
            py::arg("slave"), py::arg("rule"), py::arg("weight"), py::arg("multiplier"),
-           py::arg("target"), py::arg("normals"), py::arg("direction"), py::arg("radius"),
-           py::arg("end_tolerance"), py::arg("augmented"), py::arg("slave_dofs"),
+           py::arg("nodes"), py::arg("target"), py::arg("normals"), py::arg("direction"),
+           py::arg("radius"), py::arg("end_tolerance"), py::arg("augmented"), py::arg("slave_dofs"),
            py::arg("multiplier_local"), py::arg("multiplier_dofs"))
       .def("set_master", [](A& a, const Surface& master, const array<PetscInt>& dofs)
            { a.set_master(master, vector(dofs)); })
@@ -253,6 +253,17 @@ void declare_assembler(py::module_& m, const char* name)
            {
              a.options().law.rho_n = rho_n;
              a.options().scale = scale;
+           })
+      .def("set_multiplier_dofs",
+           [](A& a, const array<PetscInt>& dofs) { a.set_multiplier_dofs(vector(dofs)); })
+      .def("fixed_multipliers",
+           [](const A& a)
+           {
+             const std::vector<std::uint8_t> v = a.fixed_multipliers();
+             const py::ssize_t nl = a.particles().multiplier.nodes(), n = a.slave().size();
+             py::array_t<bool> out({n, nl});
+             std::copy(v.begin(), v.end(), out.mutable_data());
+             return out;
            })
       .def("update",
            [](A& a, const array<double>& us, const array<double>& um, const array<double>& lambda,

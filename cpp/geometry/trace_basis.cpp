@@ -29,11 +29,13 @@ TraceBasis::TraceBasis(int facet_dim, std::span<const std::int32_t> powers,
   if (facet_dim != 1 and facet_dim != 2)
     throw std::invalid_argument("TraceBasis: the facet dimension must be 1 or 2");
   _monomials = static_cast<int>(powers.size()) / facet_dim;
-  if (_monomials == 0 or coefficients.size() % _monomials != 0)
+  if (_monomials == 0 or powers.size() % facet_dim != 0 or coefficients.empty()
+      or coefficients.size() % _monomials != 0)
     throw std::invalid_argument("TraceBasis: coefficients must have shape (nodes, monomials)");
   _nodes = static_cast<int>(coefficients.size()) / _monomials;
   _degree = *std::max_element(powers.begin(), powers.end());
-  if (_nodes > BasisValues::max_nodes or _degree > max_degree)
+  if (_nodes > BasisValues::max_nodes or _degree > max_degree
+      or *std::min_element(powers.begin(), powers.end()) < 0)
     throw std::invalid_argument("TraceBasis: Lagrange bases of degree 1 and 2 are supported");
 
   _powers.assign(2 * _monomials, 0);

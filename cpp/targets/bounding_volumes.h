@@ -157,7 +157,7 @@ private:
     int first; // leaf: first item; else: second child (the first one follows its parent)
     int count; // leaf: number of items; else 0
   };
-  static constexpr int leaf_size = 2;
+  static constexpr int leaf_size = 1;
 
   void split(std::span<const double> boxes, int begin, int end)
   {

@@ -87,14 +87,14 @@ bool Search<D>::within_end(const FacetProjection<D>& facet, const Vector<D>& x,
 
 // (F4) closest point of the facet, clamped to its edges; (F5) intersection inside the facet.
 template <int D>
-auto Search<D>::on_facet(const Surface& master, int f, const Vector<D>& x,
-                         const Vector<D>& outward) const -> Found
+auto Search<D>::on_facet(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward,
+                         const Vector<Q>* start) const -> Found
 {
   Found found;
   const FacetProjection<D> facet(master, f);
   Target<D> t;
   t.facet = f;
-  t.xi = facet.start(x);
+  t.xi = start ? *start : facet.start(x);
   if (_options.rule == TargetRule::direction)
   {
     double s = 0;
@@ -203,7 +203,7 @@ Target<D> Search<D>::find(const Surface& master, const Vector<D>& x, const Vecto
   double limit = _options.radius;
   if (former.facet >= 0) // a warm start bounds the search
   {
-    best = on_facet(master, former.facet, x, outward);
+    best = on_facet(master, former.facet, x, outward, &former.xi);
     limit = std::min(limit, best.cost + slack);
   }
   _tree.descend(
@@ -216,7 +216,8 @@ Target<D> Search<D>::find(const Surface& master, const Vector<D>& x, const Vecto
       },
       limit);
 
-  if (best.target.facet >= 0 and former.facet >= 0)
+  const bool stayed = best.target.facet == former.facet and best.target.clamp == Clamp::none;
+  if (best.target.facet >= 0 and former.facet >= 0 and not stayed)
   {
     const Found kept = keep(master, x, outward, former, best.cost);
     if (kept.target.facet >= 0)

@@ -52,7 +52,8 @@ private:
     double cost = INFINITY; // distance (F4) or |s| (F5)
   };
 
-  Found on_facet(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const;
+  Found on_facet(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward,
+                 const Vector<Q>* start = nullptr) const;
   Found at_end(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const;
   bool faces(const FacetProjection<D>& facet, const FacetPoint<D>& p,
              const Vector<D>& outward) const;
