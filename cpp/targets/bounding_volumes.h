@@ -45,14 +45,13 @@ public:
   explicit BoxTree(std::span<const double> boxes)
   {
     const int n = static_cast<int>(boxes.size()) / (2 * D);
-    _items.resize(n);
-    std::iota(_items.begin(), _items.end(), 0);
+    if (n == 0)
+      return;
+    std::vector<int> items(n);
+    std::iota(items.begin(), items.end(), 0);
     _nodes.reserve(2 * n);
-    if (n > 0)
-    {
-      split(boxes, 0, n);
-      refit(boxes);
-    }
+    split(boxes, items, 0, n);
+    refit(boxes);
   }
 
   bool empty() const { return _nodes.empty(); }
@@ -66,16 +65,12 @@ public:
     for (int i = static_cast<int>(_nodes.size()) - 1; i >= 0; --i) // children follow parents
     {
       Node& node = _nodes[i];
-      node.box = Box<D>();
-      if (node.count > 0)
-      {
-        for (int k = node.first; k < node.first + node.count; ++k)
-          node.box.add(item_box(boxes, _items[k]));
-      }
+      if (node.item >= 0)
+        node.box = item_box(boxes, node.item);
       else
       {
-        node.box.add(_nodes[i + 1].box);
-        node.box.add(_nodes[node.first].box);
+        node.box = _nodes[i + 1].box;
+        node.box.add(_nodes[node.second].box);
       }
     }
   }
@@ -103,13 +98,12 @@ public:
       if (not(e.key <= best) or e.key == std::numeric_limits<double>::infinity())
         continue;
       const Node& node = _nodes[e.node];
-      if (node.count > 0)
+      if (node.item >= 0)
       {
-        for (int k = node.first; k < node.first + node.count; ++k)
-          best = leaf(_items[k]);
+        best = leaf(node.item);
         continue;
       }
-      const int a = e.node + 1, b = node.first;
+      const int a = e.node + 1, b = node.second;
       const double ka = key(_nodes[a].box), kb = key(_nodes[b].box);
       if (ka <= kb)
       {
@@ -124,8 +118,7 @@ public:
     }
   }
 
-  /// Call `found(item)` for all items in leaves whose box overlaps `box` (a superset of the items
-  /// that do: test the item's own box).
+  /// Call `found(item)` for all items whose box overlaps `box`.
   template <typename Found>
   void overlaps(const Box<D>& box, Found found) const
   {
@@ -154,21 +147,22 @@ private:
   struct Node
   {
     Box<D> box;
-    int first; // leaf: first item; else: second child (the first one follows its parent)
-    int count; // leaf: number of items; else 0
+    int second; // second child of an inner node; the first one follows its parent
+    int item;   // of a leaf, else −1
   };
-  static constexpr int leaf_size = 1;
 
-  void split(std::span<const double> boxes, int begin, int end)
+  // The items from `begin` to `end` are sorted into the subtree that starts with the next node.
+  void split(std::span<const double> boxes, std::vector<int>& items, int begin, int end)
   {
     const int me = static_cast<int>(_nodes.size());
-    _nodes.push_back({{}, begin, end - begin});
-    if (end - begin <= leaf_size)
+    const bool leaf = end - begin == 1;
+    _nodes.push_back({{}, -1, leaf ? items[begin] : -1});
+    if (leaf)
       return;
     Box<D> centres;
     for (int k = begin; k < end; ++k)
     {
-      const Box<D> b = item_box(boxes, _items[k]);
+      const Box<D> b = item_box(boxes, items[k]);
       const auto c = (0.5 * (b.lo + b.hi)).eval();
       centres.add({c, c});
     }
@@ -180,16 +174,14 @@ private:
       return boxes[i] + boxes[i + D];
     };
     const int middle = (begin + end) / 2;
-    std::nth_element(_items.begin() + begin, _items.begin() + middle, _items.begin() + end,
+    std::nth_element(items.begin() + begin, items.begin() + middle, items.begin() + end,
                      [&](int a, int b) { return centre(a) < centre(b); });
-    split(boxes, begin, middle);
-    _nodes[me].first = static_cast<int>(_nodes.size());
-    _nodes[me].count = 0;
-    split(boxes, middle, end);
+    split(boxes, items, begin, middle);
+    _nodes[me].second = static_cast<int>(_nodes.size());
+    split(boxes, items, middle, end);
   }
 
   std::vector<Node> _nodes;
-  std::vector<int> _items;
 };
 
 } // namespace dolfinx_contact
