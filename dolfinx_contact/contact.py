@@ -11,7 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from . import _cpp, compat
-from .errors import together
+from .errors import ContactError, together
 from .held import agreed, excluded, multiplier_dofs
 from .layout import Layout
 from .pair import ContactPair
@@ -158,6 +158,7 @@ class PairAssembly:
         self.pair._multiplier.x.array[self.held] = 0.0
         dofs = self._layout.local_dofs(self.multiplier_block)
         self.assembler.set_multiplier_dofs(np.where(self.held, -1, dofs))
+        self.assembler.begin_step()
 
     def held_rows(self) -> npt.NDArray[Any]:
         """System dofs of the held multipliers that this rank owns."""
@@ -180,6 +181,12 @@ class PairAssembly:
             ContactError: on all ranks, if a displacement is not finite
         """
         slave, ringed = self._slave_values(), self._ringed_values()
+        with together(self._comm, "contact search"):
+            if not (np.isfinite(slave).all() and np.isfinite(ringed).all()):
+                raise ContactError(
+                    "the displacement of a contact surface is not finite (nan or inf); give u and"
+                    " the Dirichlet conditions finite values before solve()"
+                )
         self._exchange(slave, ringed)
         master = self._master_values()
         changes = 0
@@ -194,8 +201,6 @@ class PairAssembly:
         if np.isfinite(self._changed_since):
             moved = [np.abs(slave - self._at[0]), np.abs(ringed - self._at[1]), [0.0]]
             self._changed_since = max(float(np.max(part, initial=0.0)) for part in moved)
-            # not finite: the search reports it
-            self._changed_since = np.nan_to_num(self._changed_since, nan=0.0)
         farthest = self._comm.allreduce(self._changed_since, op=MPI.MAX)
         if farthest * np.sqrt(self.pair.slave.dim) <= 0.5 * self._margin:
             return

@@ -84,7 +84,7 @@ class ContactPair:
         V = compat.function_space(slave.mesh, tuple(pressure_space))
         self.pressure = fem.Function(V, name="pressure")
         self._multiplier = fem.Function(V, name="multiplier")
-        self._assembler: Any = None  # set by the problem that solves the pair
+        self._accepted: dict[str, Any] | None = None  # tables of the last accepted solution
 
     def _check(self) -> None:
         slave, master = self.slave, self.master
@@ -168,26 +168,33 @@ class ContactPair:
 
     # -- results of the last accepted solution --------------------------------------------------
 
-    def _solved(self) -> Any:
-        if self._assembler is None:
+    def _accept(self, assembler: Any) -> None:
+        """Keep the present solution. A later solve that fails moves the assembler's surfaces, so
+        that results must not be asked from it."""
+        self.pressure.x.array[:] = 0.0 - self._multiplier.x.array
+        self._accepted = {**assembler.particles(), "slave": assembler.slave.x}
+
+    def _solved(self) -> dict[str, Any]:
+        """Columns of the particles; "slave": current positions of the slave's position nodes."""
+        if self._accepted is None:
             raise ContactError(
                 "This pair has no results yet: put it in a ContactProblem and solve it first."
             )
-        return self._assembler
+        return self._accepted
 
     @property
     def particles(self) -> Particles:
         """State of this rank's particles, one row each."""
-        return Particles.of(self.comm, self._solved().particles())
+        return Particles.of(self.comm, {k: v.copy() for k, v in self._solved().items()})
 
     def resultant(self) -> npt.NDArray[np.float64]:
         """Total contact force on the slave, (dim,) [force]: ∫ t dΓ of (F1). Collective."""
-        table = self._solved().particles()
+        table = self._solved()
         return self.comm.allreduce(table["weight"] @ table["traction"])
 
     def contact_area(self) -> float:
         """Reference area of the closed particles [area; length in 2D]. Collective."""
-        table = self._solved().particles()
+        table = self._solved()
         return float(self.comm.allreduce(table["weight"][table["closed"]].sum()))
 
 

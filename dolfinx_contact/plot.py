@@ -44,7 +44,7 @@ def gather_pressure(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None
         current positions of the corners (pieces, corners, dim) and pressures there (pieces,
         corners); corners in Basix's order
     """
-    pair._solved()
+    moved = pair._solved()["slave"]
     slave = pair.slave
     points = _pieces(slave.shape, parts)  # (pieces, corners, facet dimension)
     flat = points.reshape(-1, points.shape[2])
@@ -56,7 +56,7 @@ def gather_pressure(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None
     )
     cells = compat.dof_list(pair.pressure.function_space)[: len(slave.id)]
     values = pair.pressure.x.array[cells] @ pressure_basis.T
-    x = position_basis @ pair._assembler.slave.x[slave.facet_mesh_cells]
+    x = position_basis @ moved[slave.facet_mesh_cells]
     gathered = pair.comm.gather((x, values), root=0)
     if gathered is None:
         return None

@@ -6,9 +6,11 @@ from __future__ import annotations
 from typing import Any, Sequence
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
+from mpi4py import MPI
 
-from .errors import ConvergenceError, InputError, together
+from .errors import ConvergenceError, InputError
 from .pair import ContactPair
 from .strategy import Newton, Report
 from .system import System, derivative
@@ -61,8 +63,7 @@ class ContactProblem:
             raise InputError("ContactProblem: pairs must be a list of ContactPair.")
         self.pairs = list(pairs)
         self.comm = unknowns[0].function_space.mesh.comm
-        with together(self.comm, "ContactProblem"):
-            _check_slaves(self.pairs)
+        _check_slaves(self.pairs)
         if J is None:
             jacobian = derivative(forms, unknowns)
         else:
@@ -74,8 +75,6 @@ class ContactProblem:
         self.strategy = Newton() if strategy is None else strategy
         self.petsc_options = dict(petsc_options or {})
         self.system = System(forms, unknowns, jacobian, self.pairs, list(bcs))
-        for pair, contact in zip(self.pairs, self.system.contacts):
-            pair._assembler = contact.assembler
         self.report: Report | None = None
 
     def solve(self) -> Report:
@@ -86,6 +85,7 @@ class ContactProblem:
 
         Raises:
             ConvergenceError: on all ranks; u and the pairs are then as they were before the call
+            ContactError: on all ranks, if u or a Dirichlet value on a surface is not finite
         """
         system = self.system
         before = [f.x.array.copy() for f in system.functions]
@@ -105,10 +105,9 @@ class ContactProblem:
             )
             error.report = report
             raise error
-        for pair in self.pairs:
-            pair.pressure.x.array[:] = 0.0 - pair._multiplier.x.array
-        for contact in system.contacts:
+        for pair, contact in zip(self.pairs, system.contacts):
             contact.assembler.accept()
+            pair._accept(contact.assembler)
         return report
 
     def _restore(self, before: Sequence[Any]) -> None:
@@ -120,18 +119,29 @@ class ContactProblem:
 
 
 def _check_slaves(pairs: Sequence[ContactPair]) -> None:
-    """Multipliers of slave surfaces that share nodes would be dependent."""
+    """Multipliers of slave surfaces that share nodes would be dependent. Collective."""
     if len(set(map(id, pairs))) != len(pairs):
         raise InputError("ContactProblem: a pair is given twice; give each pair once.")
     for i, a in enumerate(pairs):
         for b in pairs[:i]:
             if a.slave.u is not b.slave.u:
                 continue
-            shared = np.intersect1d(a.slave.nodes, b.slave.nodes)
-            if len(shared) > 0:
+            shared = _count_shared(a.comm, a.slave.nodes, b.slave.nodes)
+            if shared > 0:
                 raise InputError(
                     f"ContactProblem: the slave surfaces with tags {a.slave.tags} and"
-                    f" {b.slave.tags} share {len(shared)} nodes on one rank, and their multipliers"
-                    " would be dependent. Make one slave surface of both, or let one of them be a"
-                    " master."
+                    f" {b.slave.tags} share {shared} nodes, and their multipliers would be"
+                    " dependent. Make one slave surface of both, or let one of them be a master."
                 )
+
+
+def _count_shared(comm: MPI.Comm, a: npt.NDArray[np.int64], b: npt.NDArray[np.int64]) -> int:
+    """Number of global nodes that are in both lists, whichever ranks hold them. Collective.
+
+    The rank with number node mod size compares.
+    """
+    both = []
+    for nodes in (np.unique(a), np.unique(b)):
+        parts = comm.alltoall([nodes[nodes % comm.size == rank] for rank in range(comm.size)])
+        both.append(np.unique(np.concatenate(parts)))
+    return int(comm.allreduce(len(np.intersect1d(*both))))

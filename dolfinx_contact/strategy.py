@@ -70,7 +70,8 @@ class Newton:
     """Semi-smooth Newton: contact statuses, targets and bulk in one loop, on PETSc SNES.
 
     A step has converged when the residual of each block is below rtol times the largest norm of the
-    bulk's nodal forces (reactions included), or when Newton's step is at round-off.
+    bulk's nodal forces (reactions included), or at the round-off of positions times stiffness (bodies
+    at rest that touch), or when Newton's step is at round-off.
 
     Args:
         rtol: relative tolerance of the residual
@@ -147,6 +148,9 @@ class _Loop:
 
     def _residual(self, snes: Any, x: Any, b: Any) -> None:
         start = time.perf_counter()
+        if not self._first and not np.isfinite(x.norm()):
+            b.set(np.nan)  # the step has overflown: SNES ends the solve, the search would raise
+            return
         self.system.residual(x, b, close=self._first)
         self._first = False
         self.report.time["residual"] += time.perf_counter() - start
@@ -176,7 +180,7 @@ class _Loop:
         if not np.isfinite(bulk_norm + contact_norm):
             return reasons.DIVERGED_FNORM_NAN
         worst, reference = max(bulk_norm, contact_norm), system.reference_force
-        if worst <= snes.rtol * reference or worst <= snes.atol:
+        if worst <= max(snes.rtol * reference, snes.atol, system.round_off):
             return reasons.CONVERGED_FNORM_RELATIVE
         xnorm, ynorm, _ = norms
         if it > 0 and ynorm <= 1e-13 * xnorm and worst <= 1e-6 * reference:

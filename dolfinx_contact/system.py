@@ -66,6 +66,7 @@ class System:
         ]
         self.scale = [1.0] * len(pairs)
         self.reference_force = 0.0
+        self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
         self.status_changes = 0
         self.A: Any = None
         self.x = PETSc.Vec().createMPI((self.layout.owned, None), comm=self.comm)
@@ -271,6 +272,10 @@ class System:
         of E/h: averaged over the surface it scales λ, and ρ_n is a fraction of it.
         """
         diagonal = self.A.getDiagonal().array_r  # of the bulk: _allocate has added nothing else
+        x = max(float(np.abs(u.function_space.mesh.geometry.x).max(initial=0)) for u in self.u)
+        sizes = np.array([np.abs(diagonal).max(initial=0), x])
+        self.comm.Allreduce(MPI.IN_PLACE, sizes, op=MPI.MAX)
+        self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
         for i, (pair, contact) in enumerate(zip(self.pairs, self.contacts)):
             stiffness = contact.stiffness(diagonal)
             self.scale[i] = stiffness

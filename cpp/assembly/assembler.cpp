@@ -106,7 +106,6 @@ int Assembler<D>::update(std::span<const double> u_slave, std::span<const double
   const int np = _particles.rule.size(), nl = _particles.multiplier.nodes();
   const Vector<D> e = _options.search.direction;
   int changes = 0;
-  Target<D> former;
   for (int f = 0; f < _slave.size(); ++f)
   {
     const double near = close >= 0 ? -close * _slave.diameter(f) : INFINITY;
@@ -132,6 +131,7 @@ int Assembler<D>::update(std::span<const double> u_slave, std::span<const double
       }
       const bool was = s.closed;
       s.closed = closed(_options.law, s.lambda, s.gap) or (std::isfinite(s.gap) and s.gap > near);
+      s.changes += was != s.closed;
       changes += was != s.closed;
     }
   }
@@ -309,7 +309,7 @@ void Assembler<D>::tangent(Mat A) const
                           = evaluate<D>(_master.facet_x(target), _master.np(), P, true);
                       const Kinematics<D> k = linearise<D>(
                           _master, s.target, s.x, point, _options.search.rule, _options.normals, e);
-                      const Traction<D> t = linearised_traction<D>(_options.law, s.lambda, k);
+                      const Traction<D> t = linearised_traction<D>(law(s), s.lambda, k);
                       add_closed_tangent<D>(B, k, t, w, _options.scale, block);
                     }
                     check(MatSetValues(A, dofs.size(), dofs.data(), dofs.size(), dofs.data(),

@@ -94,7 +94,15 @@ public:
     Vector<D> x = Vector<D>::Zero(); ///< current position
     Vector<D> n = Vector<D>::Zero(); ///< normal, inward to the master
     bool closed = false;
+    int changes = 0; ///< of status since `begin_step`
   };
+
+  /// A step begins: forget the status changes of the last one.
+  void begin_step()
+  {
+    for (State& s : _states)
+      s.changes = 0;
+  }
   const std::vector<State>& states() const { return _states; }
 
   /// Keep the present states, to come back to them after a failed solve.
@@ -105,11 +113,23 @@ public:
 
   const Particles& particles() const { return _particles; }
 
+  /// The law of one particle. Where λ ≠ 0 at the switch between open and closed (a gap inside a
+  /// facet whose mean is closed), the residual of (F1) jumps and Newton may cycle between the two
+  /// for ever. A particle that has changed its status more than `patience` times in a step gets the
+  /// augmented variant, whose residual is continuous.
+  ContactLaw law(const State& s) const
+  {
+    constexpr int patience = 3;
+    ContactLaw law = _options.law;
+    law.augmented = law.augmented or s.changes > patience;
+    return law;
+  }
+
   /// Contact traction on the slave per reference area at particle i (facet-major numbering).
   Vector<D> traction_at(int i) const
   {
     const State& s = _states[i];
-    return traction<D>(_options.law, s.closed, s.lambda, s.n, s.gap);
+    return traction<D>(law(s), s.closed, s.lambda, s.n, s.gap);
   }
 
 private:

@@ -103,22 +103,6 @@ public:
 
   bool is_end(int edge) const { return (_s.ends[_f] >> edge) & 1; }
 
-  /// True if a clamped target lies on a physical end of the surface.
-  bool on_end(const Target<D>& t) const
-  {
-    if (t.clamp == Clamp::none)
-      return false;
-    if (t.clamp == Clamp::edge or D == 2)
-      return is_end(t.edge);
-    for (int e = 0; e < num_edges(_shape); ++e) // a corner is at an end if one of its edges is
-    {
-      const auto v = reference_edge(_shape, e);
-      if ((v[0] == t.edge or v[1] == t.edge) and is_end(e))
-        return true;
-    }
-    return false;
-  }
-
   /// Direction of edge e in the reference facet, from its first to its second vertex.
   static Vector<Q> edge_direction(Shape shape, int e)
   {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "search.h"
 
+#include <unordered_set>
+
 namespace dolfinx_contact
 {
 
@@ -21,6 +23,21 @@ Search<D>::Search(const Surface& master, const SearchOptions<D>& options)
   if (not _diameter.empty())
     _largest = *std::max_element(_diameter.begin(), _diameter.end());
   _tree = BoxTree<D>(master.boxes());
+
+  // A corner is at an end if an edge of any facet that meets there is
+  const Shape shape = master.ref.shape;
+  const int nv = master.nv();
+  std::unordered_set<std::int64_t> at_end;
+  for (int f = 0; f < master.size(); ++f)
+    for (int e = 0; e < num_edges(shape); ++e)
+      if ((master.ends[f] >> e) & 1)
+        for (int v : reference_edge(shape, e))
+          at_end.insert(master.vertices[f * nv + v]);
+  _end_corners.resize(master.size(), 0);
+  for (int f = 0; f < master.size(); ++f)
+    for (int v = 0; v < nv; ++v)
+      if (at_end.contains(master.vertices[f * nv + v]))
+        _end_corners[f] |= 1 << v;
 }
 
 template <int D>
@@ -71,12 +88,21 @@ bool Search<D>::faces(const FacetProjection<D>& facet, const FacetPoint<D>& p,
   return _options.rule == TargetRule::proximity or std::abs(n.dot(_options.direction)) >= grazing;
 }
 
+// True if a clamped target lies on a physical end of the surface.
+template <int D>
+bool Search<D>::on_end(const FacetProjection<D>& facet, const Target<D>& t) const
+{
+  if (t.clamp == Clamp::vertex)
+    return (_end_corners[t.facet] >> t.edge) & 1;
+  return t.clamp == Clamp::edge and facet.is_end(t.edge);
+}
+
 // A target clamped to a physical end counts while the particle overshoots the end a little only.
 template <int D>
 bool Search<D>::within_end(const FacetProjection<D>& facet, const Vector<D>& x,
                            const Target<D>& t) const
 {
-  if (not facet.on_end(t))
+  if (not on_end(facet, t))
     return true;
   const FacetPoint<D> p = facet.at(t.xi, false);
   const Vector<D> m

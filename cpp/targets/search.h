@@ -57,6 +57,7 @@ private:
   Found at_end(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const;
   bool faces(const FacetProjection<D>& facet, const FacetPoint<D>& p,
              const Vector<D>& outward) const;
+  bool on_end(const FacetProjection<D>& facet, const Target<D>& t) const;
   bool within_end(const FacetProjection<D>& facet, const Vector<D>& x, const Target<D>& t) const;
   Found keep(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
              const Target<D>& former, double cost) const;
@@ -65,8 +66,9 @@ private:
 
   SearchOptions<D> _options;
   BoxTree<D> _tree;
-  std::vector<double> _diameter; // of the facets, reference configuration
-  double _largest = 0;           // of them
+  std::vector<double> _diameter;          // of the facets, reference configuration
+  double _largest = 0;                    // of them
+  std::vector<std::uint8_t> _end_corners; // bit v: corner v is at a physical end
 };
 
 extern template class Search<2>;

@@ -1,0 +1,419 @@
+# SPDX-License-Identifier: MIT
+"""Two small bodies in contact, and operators gathered in an order that no partition changes.
+
+Shared by the tests of the assembled residual and matrix. The bodies do not touch in the reference
+configuration, so that a node is known by its position; the displacement brings them together.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+import dolfinx_contact as dc
+from dolfinx_contact import compat, meshes
+from dolfinx_contact.system import System, derivative
+
+COMM = MPI.COMM_WORLD
+CELLS = ("triangle", "quadrilateral", "tetrahedron", "hexahedron")
+DIM = {"triangle": 2, "quadrilateral": 2, "tetrahedron": 3, "hexahedron": 3}
+SLAVE, MASTER = 5, 6  # tags
+HELD = 0.004  # Dirichlet value of every component
+GAP = 0.1  # distance of the bodies in the reference configuration
+RHO, SCALE = 12.0, 1.7  # ρ_n and scale of λ; E and |λ| are about 1, so all blocks are about equal
+
+# target, normals; the direction is oblique, so that it is nobody's normal
+OBLIQUE = {2: (0.2, 1.0), 3: (0.2, -0.1, 1.0)}
+TARGETS = ("proximity-facet", "direction-facet", "direction-direction")
+
+
+def target_of(name, dim, **options):
+    """Keyword arguments of ContactPair."""
+    kind, normals = name.split("-")
+    if kind == "proximity":
+        return {"target": dc.Proximity(**options), "normals": normals}
+    return {"target": dc.SeekDirection(OBLIQUE[dim], **options), "normals": normals}
+
+
+# -- the bodies -----------------------------------------------------------------------------------
+
+# sizes (bodies are boxes before the mapping; the interface of the master is z = 0)
+MASTER_BOX = {2: ((0.0, -0.5), (1.2, 0.0)), 3: ((0.0, 0.0, -0.5), (1.2, 1.2, 0.0))}
+SLAVE_BOX = {
+    2: ((0.1, GAP), (1.0, GAP + 0.4)),
+    3: ((0.1, 0.1, GAP), (1.0, 1.0, GAP + 0.4)),
+}
+COUNTS = {2: ((3, 1), (4, 1)), 3: ((2, 2, 1), (3, 3, 1))}
+
+
+def curve(x, amplitude=0.05):
+    """Height of the interface: convex and concave parts, ridges of either kind on straight cells."""
+    z = amplitude * np.sin(5.0 * x[:, 0] + 0.3)
+    return z + 0.4 * amplitude * np.cos(4.0 * x[:, 1]) if x.shape[1] == 3 else z
+
+
+def curved(x):
+    """Both interfaces follow the curve, which fades out into the bodies; free ends stay plane."""
+    y = x.copy()
+    y[:, -1] += curve(x) * (1 - np.abs(x[:, -1]))
+    return y
+
+
+def apart(x, ranks):
+    """The slave body on the first rank, the master body on the last."""
+    return np.where(x[:, -1] > GAP, 0, ranks - 1)
+
+
+def columns(x, ranks):
+    """Round robin of columns: every rank cuts through the interface."""
+    return np.floor(x[:, 0] / 0.3 + 0.05).astype(int) % ranks
+
+
+def last(x, ranks):
+    """All on the last rank."""
+    return np.full(len(x), ranks - 1)
+
+
+PARTITIONS = {"default": None, "apart": apart, "columns": columns, "last": last}
+
+
+def bodies(cell, geometry_degree=1, straight=False, counts=None, slave_box=None):
+    """Slave and master body as points and cells."""
+    dim = DIM[cell]
+    options = {"cell": cell, "degree": geometry_degree, "mapping": None if straight else curved}
+    slave, master = counts or COUNTS[dim]
+    return (
+        meshes.grid(slave, *(slave_box or SLAVE_BOX[dim]), **options),
+        meshes.grid(master, *MASTER_BOX[dim], **options),
+    )
+
+
+@dataclass
+class Model:
+    """Bulk model and surfaces."""
+
+    u: list
+    F: list
+    J: list
+    slave: object
+    master: object
+    bcs: list
+    dim: int
+    straight: bool
+
+
+@functools.lru_cache(maxsize=None)
+def model(
+    cell,
+    partition="default",
+    *,
+    degree=1,
+    geometry_degree=1,
+    straight=False,
+    separate=False,
+    alone=False,
+    counts=None,
+    bulk="neo-Hookean",
+    held=False,
+    slave_box=None,
+):
+    """Two bodies, in one mesh or in two separate ones; cached.
+
+    Args:
+        alone: on this rank alone, whatever the number of ranks
+        bulk: "neo-Hookean" (E about 1), or "springs" (∫ u·w: cheap to compile)
+        held: with Dirichlet conditions on the left sides, which have nodes of both interfaces
+        slave_box: lower and upper corner of the slave body
+    """
+    comm = MPI.COMM_SELF if alone else COMM
+    parts = bodies(cell, geometry_degree, straight, counts, slave_box)
+    spread = PARTITIONS[partition]
+    groups = [[parts[0]], [parts[1]]] if separate else [list(parts)]
+    u, surfaces, bcs, F = [], {}, [], []
+    for number, group in enumerate(groups):
+        mesh, body = meshes.create(comm, group, spread)
+        body = body + number
+        tags = meshes.tag_facets(
+            mesh, _predicates(DIM[cell], straight, number if separate else None), body
+        )
+        V = compat.vector_space(mesh, degree)
+        u.append(fem.Function(V))
+        F.append(_bulk(u[-1], bulk))
+        for tag in (SLAVE, MASTER):
+            if not separate or tag == (SLAVE, MASTER)[number]:
+                surfaces[tag] = dc.Surface(u[-1], tags, tag)
+        if held:
+            left = fem.locate_dofs_geometrical(V, lambda x: x[0] < 0.1 + 1e-9)
+            g = fem.Function(V)
+            g.x.array[:] = HELD
+            bcs.append(fem.dirichletbc(g, left))
+    J = derivative(F, u)
+    return Model(
+        u=u,
+        F=[compat.form(f) for f in F],
+        J=[[None if a is None else compat.form(a) for a in row] for row in J],
+        slave=surfaces[SLAVE],
+        master=surfaces[MASTER],
+        bcs=bcs,
+        dim=DIM[cell],
+        straight=straight,
+    )
+
+
+def _predicates(dim, straight, number):
+    """The interfaces; of one body only where it has a number."""
+
+    def at(height):
+        def predicate(x):
+            offset = 0.0 if straight else curve(x[:dim].T) * (1 - height)
+            return np.isclose(x[dim - 1], height + offset)
+
+        return predicate
+
+    tagged = {SLAVE: (GAP, 0), MASTER: (0.0, 1)}
+    return {
+        tag: (at(height), body) for tag, (height, body) in tagged.items() if number in (None, body)
+    }
+
+
+def _bulk(u, kind):
+    mesh = u.function_space.mesh
+    w, dim = ufl.TestFunction(u.function_space), mesh.geometry.dim
+    dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
+    if kind == "springs":
+        return ufl.inner(u, w) * dx
+    deformation = ufl.Identity(dim) + ufl.grad(u)
+    J = ufl.det(deformation)
+    psi = 0.2 * (ufl.tr(deformation.T * deformation) - dim) - 0.4 * ufl.ln(J)
+    return ufl.derivative((psi + 0.3 * ufl.ln(J) ** 2) * dx, u, w)
+
+
+# -- gathered operators -----------------------------------------------------------------------------
+
+
+class Numbering:
+    """The unknowns of a system in canonical order: by block, position and component. Collective.
+
+    Attributes:
+        block, component: of each unknown; (n,)
+        points: position of its node; (n, 3)
+        position: canonical number of each system dof; (n,)
+    """
+
+    def __init__(self, system):
+        layout = system.layout
+        self.comm = system.comm
+        self.owned = slice(layout.start, layout.start + layout.owned)
+        rows = []
+        for block, f in enumerate(system.functions):
+            V, size = f.function_space, layout.block_sizes[block]
+            points = V.tabulate_dof_coordinates()[: V.dofmap.index_map.size_local]
+            points, component = np.repeat(points, size, axis=0), np.tile(range(size), len(points))
+            rows.append(np.column_stack([np.full(len(points), block), points, component]))
+        # ranks follow each other in the system, and in each the blocks
+        table = np.concatenate(self.comm.allgather(np.concatenate(rows)))
+        # nodes are 0.1 apart: 7 digits tell them, and hide the round-off of the partition
+        order = np.lexsort(np.round(table, 7).T[[4, 3, 2, 1, 0]])
+        self.position = np.argsort(order)
+        table = table[order]
+        self.block, self.component = table[:, 0].astype(int), table[:, 4].astype(int)
+        self.points = table[:, 1:4]
+        same = np.all(np.abs(np.diff(table, axis=0)) < 1e-6, axis=1)
+        assert not np.any(same), "two unknowns at one place: nodes cannot be told apart"
+
+    def __len__(self):
+        return len(self.position)
+
+    def to_local(self, values):
+        """This rank's entries of a canonical vector, in the order of the system."""
+        return values[self.position[self.owned]]
+
+    def gather(self, vector):
+        """A PETSc vector in canonical order on all ranks. Collective."""
+        out = np.empty(len(self))
+        out[self.position] = np.concatenate(self.comm.allgather(vector.array_r.copy()))
+        return out
+
+    def dense(self, A):
+        """A PETSc matrix in canonical order on all ranks, as a dense array. Collective."""
+        offsets, columns, values = A.getValuesCSR()
+        parts = self.comm.allgather((np.diff(offsets), columns, values))
+        lengths, columns, values = (np.concatenate(part) for part in zip(*parts))
+        rows = np.repeat(np.arange(len(lengths)), lengths)
+        out = np.zeros((len(self), len(self)))
+        out[self.position[rows], self.position[columns]] = values
+        return out
+
+
+# -- states -----------------------------------------------------------------------------------------
+
+# how far the slave moves along the master, as fractions of 1; master facets are 0.3 (2D), 0.4 (3D)
+SHIFTS = {
+    "deformed": (0.03, 0.04),
+    "sliding": (0.14, -0.07),
+    "clamped": (0.31, 0.27),  # overhang 0.11 and 0.07, less than half of a facet
+    "beyond": (0.52, 0.30),  # overhang 0.32: more than half of a facet
+    "open": (0.03, 0.04),
+}
+
+
+def displacement(points, slave, configuration, dim):
+    """Displacement of nodes: brings the bodies together, with waves and nodal noise.
+
+    Args:
+        points: positions (n, 3)
+        slave: whether each is of the slave body (n,)
+    """
+    x = np.round(
+        points[:, :dim], 9
+    )  # without the partition's round-off, which noise would amplify
+    u = np.zeros_like(x)
+    # "noise" that depends on the place alone, thus on no partition
+    phases = np.array(
+        [[12.9898, 78.233, 37.719], [39.346, 11.135, 83.155], [73.156, 52.235, 9.151]]
+    )
+    noise = np.sin(1e2 * x @ phases[:dim, :dim].T + 1.0 + slave[:, None])
+    u += 0.006 * noise
+    u[:, 0] += 0.03 * np.sin(3.0 * x[:, -1] + 1.0)
+    u[:, -1] += 0.02 * np.cos(8.0 * x[:, 0] + 1.5 * slave)
+    shift = np.zeros(dim)
+    shift[: dim - 1] = SHIFTS[configuration][: dim - 1]
+    shift[-1] = -GAP + 0.005
+    if configuration == "open":
+        shift[-1] = 0.2
+    u[slave] += shift
+    if configuration == "deformed":  # both bodies turn, by 23 degrees in 2D
+        angle = 0.4
+        c, s = np.cos(angle), np.sin(angle)
+        y = x + u
+        turned = y.copy()
+        turned[:, 0], turned[:, -1] = c * y[:, 0] - s * y[:, -1], s * y[:, 0] + c * y[:, -1]
+        u = turned - x
+    return u
+
+
+def pressure(points):
+    """Multiplier at nodes: tension in the middle of the slave, compression at its ends."""
+    points = np.round(points, 9)
+    x, y = (2 * np.pi / 0.9 * (points[:, i] - 0.55) for i in range(2))
+    return -0.28 + 0.55 * np.cos(x) + 0.15 * np.sin(y + 0.3) + 0.04 * np.sin(57.0 * points[:, 0])
+
+
+@dataclass
+class Case:
+    """A pair in a system, at a state.
+
+    Attributes:
+        x: canonical vector of the state; it meets the Dirichlet conditions
+        slave: whether each unknown is of the slave body's displacement; likewise master, multiplier
+        held: whether a Dirichlet condition holds each unknown
+    """
+
+    system: System
+    pair: dc.ContactPair
+    numbering: Numbering
+    x: np.ndarray
+    slave: np.ndarray
+    master: np.ndarray
+    multiplier: np.ndarray
+    held: np.ndarray
+
+    @property
+    def contact(self):
+        return self.system.contacts[0]
+
+    def vector(self, x):
+        """The system's vector of unknowns, filled from a canonical vector."""
+        self.system.x.array[:] = self.numbering.to_local(x)
+        return self.system.x
+
+    def residual(self, x=None):
+        """Whole residual and that of contact alone at a state, gathered. Collective."""
+        system = self.system
+        system.residual(self.vector(self.x if x is None else x), system.b)
+        whole = self.numbering.gather(system.b)
+        system.b.zeroEntries()
+        self.contact.assembler.residual(system.b.handle)
+        system.b.assemble()
+        return whole, self.numbering.gather(system.b)
+
+    def matrix(self, x=None):
+        """Whole matrix at a state, gathered dense. Collective."""
+        system = self.system
+        vector = self.vector(self.x if x is None else x)
+        system.residual(vector, system.b)
+        system.jacobian(vector, system.A)
+        return self.numbering.dense(system.A)
+
+    def contact_matrix(self):
+        """Contact's part of the matrix, for the targets of the last residual. Collective."""
+        A = self.system.A
+        A.zeroEntries()
+        self.contact.assembler.tangent(A.handle)
+        A.assemble()
+        return self.numbering.dense(A)
+
+    def particles(self):
+        """The table of all ranks' particles, sorted by facet and reference position. Collective."""
+        parts = self.system.comm.allgather(self.contact.assembler.particles())
+        table = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        order = np.lexsort(np.round(np.column_stack([table["X"][:, ::-1], table["facet"]]), 7).T)
+        return {key: rows[order] for key, rows in table.items()}
+
+
+def case(m, target, rule, configuration, *, search=None, **options):
+    """A system of one pair with its matrix allocated, at a state. Collective.
+
+    Args:
+        m: Model
+        target: one of TARGETS
+        rule: integration rule
+        configuration: key of SHIFTS
+        search: options of the target
+        options: of ContactPair
+    """
+    pair = dc.ContactPair(
+        m.slave,
+        m.master,
+        integration=rule,
+        **target_of(target, m.dim, **(search or {})),
+        **options,
+    )
+    system = System(m.F, m.u, m.J, [pair], m.bcs)
+    numbering = Numbering(system)
+    bulk = numbering.block < len(m.u)
+    middle = 0.5 * GAP + (0.0 if m.straight else curve(numbering.points[:, : m.dim]))
+    slave = bulk & (numbering.points[:, m.dim - 1] > middle)
+    if len(m.u) == 2:
+        assert np.array_equal(slave, numbering.block == 0)
+    x = np.empty(len(numbering))
+    u = displacement(numbering.points, slave, configuration, m.dim)
+    x[bulk] = np.take_along_axis(u, numbering.component[:, None] % m.dim, axis=1)[bulk, 0]
+    x[~bulk] = pressure(numbering.points[~bulk]) / SCALE
+    held = np.zeros(len(numbering), dtype=bool)
+    rows = np.concatenate(numbering.comm.allgather(system.layout.held_rows()))
+    held[numbering.position[rows]] = True
+    x[held] = HELD
+    made = Case(system, pair, numbering, x, slave, bulk & ~slave, ~bulk, held)
+    system.scale[0] = SCALE
+    made.residual()
+    system.create_matrix()
+    system.scale[0] = SCALE
+    made.contact.assembler.set_parameters(RHO, SCALE)
+    made.residual()
+    return made
+
+
+def overshoot(table, target, dim):
+    """Part of x¹ − x² that the rule would make zero on a free target: 0 unless clamped; (n,)."""
+    r = table["x"] - table["target"]
+    if target.startswith("proximity"):
+        m = table["normal"]
+    else:
+        m = np.array(OBLIQUE[dim]) / np.linalg.norm(OBLIQUE[dim])
+    return np.linalg.norm(r - np.sum(r * m, axis=1, keepdims=True) * m, axis=1)
