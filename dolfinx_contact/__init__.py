@@ -19,7 +19,7 @@ from . import meshes, plot
 from .errors import ContactError, ConvergenceError, InputError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
-from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson
+from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, Smooth
 from .strategy import Newton, Report
 from .surface import Surface
 
@@ -39,6 +39,7 @@ __all__ = [
     "Report",
     "SeekDirection",
     "Simpson",
+    "Smooth",
     "Surface",
     "meshes",
     "plot",

@@ -12,7 +12,7 @@ from dolfinx import fem
 
 from . import _cpp, compat
 from .errors import ContactError, InputError, together
-from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, check_determined
+from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, Smooth, check_determined
 from .surface import Surface, basis_polynomials, check_available, check_tags
 
 
@@ -24,8 +24,11 @@ class ContactPair:
     Args:
         slave: carries the particles and the multipliers
         master: carries the targets
-        target: Proximity() or SeekDirection(e)
-        normals: "facet" (F7) or "direction" (n = ±e, with SeekDirection only); None: "facet"
+        target: Smooth(), Proximity() or SeekDirection(e)
+        normals: "interpolated" (F8), "facet" (F7) or "direction" (n = ±e, with SeekDirection
+            only); None: "interpolated" with Smooth, else "facet"
+        crease: angle in degrees; where facets of the master meet at a sharper edge in the reference
+            configuration, their normals are not averaged
         integration: Simpson(n), Gauss(degree), Lobatto(points) or Nodes()
         pressure_space: family and degree of λ on the slave's facets: "Lagrange" 1 or 2, "DG" 0 to 2
         exclude: (facet_tags, tags): multipliers are held at zero on nodes of these facets of the
@@ -53,12 +56,13 @@ class ContactPair:
         slave: Surface,
         master: Surface,
         *,
-        target: Proximity | SeekDirection = Proximity(),
+        target: Smooth | Proximity | SeekDirection = Smooth(),
         normals: str | None = None,
         integration: Simpson | Gauss | Lobatto | Nodes = Simpson(1),
         pressure_space: tuple[str, int] = ("Lagrange", 1),
         exclude: tuple[Any, Any] | None = None,
         axisymmetric: bool = False,
+        crease: float = 60.0,
         rho_n: float | None = None,
         initial_contact: float = 1e-3,
         augmented: bool = False,
@@ -71,7 +75,9 @@ class ContactPair:
         self.slave, self.master = slave, master
         self.comm = slave.comm
         self.target, self.integration = target, integration
-        self.normals = "facet" if normals is None else normals
+        if normals is None:
+            normals = "interpolated" if isinstance(target, Smooth) else "facet"
+        self.normals, self.crease = normals, float(crease)
         self.pressure_space, self.axisymmetric = pressure_space, bool(axisymmetric)
         self.rho_n, self.initial_contact = rho_n, float(initial_contact)
         self.augmented = bool(augmented)
@@ -88,9 +94,10 @@ class ContactPair:
 
     def _check(self) -> None:
         slave, master = self.slave, self.master
-        if not isinstance(self.target, (Proximity, SeekDirection)):
+        if not isinstance(self.target, (Smooth, Proximity, SeekDirection)):
             raise InputError(
-                f"ContactPair: target is {self.target!r}; give Proximity() or SeekDirection(e)."
+                f"ContactPair: target is {self.target!r}; give Smooth(), Proximity() or"
+                " SeekDirection(e)."
             )
         if not isinstance(self.integration, (Simpson, Gauss, Lobatto, Nodes)):
             raise InputError(
@@ -108,12 +115,20 @@ class ContactPair:
                 " meshes on the same one."
             )
         directed = isinstance(self.target, SeekDirection)
-        if self.normals not in ("facet", "direction") or (
-            self.normals == "direction" and not directed
-        ):
+        fits = {
+            "smooth": ("interpolated",),
+            "proximity": ("facet", "interpolated"),
+            "direction": ("facet", "interpolated", "direction"),
+        }[self.target.kind]
+        if self.normals not in fits:
             raise InputError(
-                f'ContactPair: normals is {self.normals!r}; give "facet", or "direction" together'
-                " with a SeekDirection target."
+                f"ContactPair: normals is {self.normals!r}; with {type(self.target).__name__} give"
+                f" one of {', '.join(fits)}, or None."
+            )
+        if not 0 < self.crease <= 180:
+            raise InputError(
+                f"ContactPair: crease is {self.crease}; give an angle in degrees, above 0 and up to"
+                " 180."
             )
         if directed and len(self.target.unit) != slave.dim:
             raise InputError(

@@ -21,6 +21,29 @@ from .errors import InputError
 
 
 @dataclass(frozen=True)
+class Smooth:
+    """Target along the interpolated normal of the master (F6): x¹ = x² + d n̄.
+
+    Forces are continuous while a particle slides across facets.
+
+    Args:
+        radius: largest |d| [length]; by default half the diagonal of the smaller surface's
+            bounding box
+        end_tolerance: as for Proximity, seen along the normal
+
+    Raises:
+        InputError: a radius that is not positive, or a negative tolerance
+    """
+
+    radius: float | None = None
+    end_tolerance: float = 0.5
+    kind = "smooth"
+
+    def __post_init__(self) -> None:
+        _check_search(self)
+
+
+@dataclass(frozen=True)
 class Proximity:
     """Closest point of the master's current surface (F4).
 
@@ -36,6 +59,7 @@ class Proximity:
 
     radius: float | None = None
     end_tolerance: float = 0.5
+    kind = "proximity"
 
     def __post_init__(self) -> None:
         _check_search(self)
@@ -59,6 +83,7 @@ class SeekDirection:
     direction: Sequence[float]
     radius: float | None = None
     end_tolerance: float = 0.5
+    kind = "direction"
 
     def __post_init__(self) -> None:
         _check_search(self)

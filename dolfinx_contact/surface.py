@@ -65,7 +65,8 @@ class Surface:
         reference: the facet's polynomials: "shape"; "position" and "displacement", each with
             "degree", "points", "powers", "coefficients" (see basis_polynomials); "interpolation",
             the displacement basis at the position nodes, (np, nu); "hull", from the values at the
-            position nodes to Bernstein control points, (np, np)
+            position nodes to Bernstein control points, (np, np); "area", the weights of the area
+            vector, (np, np)
     """
 
     def __init__(self, u: fem.Function, facet_tags: Any, tags: int | Iterable[int]):
@@ -332,6 +333,18 @@ def _bernstein(
     return scale * _monomials(powers, points) * (1 - points.sum(axis=1))[:, None] ** rest
 
 
+def _area_weights(shape: str, degree: int) -> npt.NDArray[np.float64]:
+    """W_ab = ∫ (∂_1 N_a ∂_2 N_b − ∂_2 N_a ∂_1 N_b) dξ, (np, np): a facet's area vector is
+    Σ_{b<a} W_ab x_a × x_b. Zero for intervals, whose area vector is the turned chord."""
+    element = _element(shape, degree)
+    if shape == "interval":
+        return np.zeros((degree + 1, degree + 1))
+    points, weights = compat.quadrature(shape, 2 * degree)
+    _, first, second = element.tabulate(1, points)[:3, :, :, 0]
+    W = np.einsum("p,pa,pb->ab", weights, first, second)
+    return W - W.T
+
+
 def _reference(shape: str, position_degree: int, displacement_degree: int) -> dict[str, Any]:
     """The polynomials of a facet, as described in Surface."""
     reference: dict[str, Any] = {"shape": shape}
@@ -347,6 +360,7 @@ def _reference(shape: str, position_degree: int, displacement_degree: int) -> di
     points = reference["position"]["points"]
     reference["interpolation"] = _tabulate(shape, displacement_degree, points)
     reference["hull"] = _rounded(np.linalg.inv(_bernstein(shape, position_degree, points)))
+    reference["area"] = _area_weights(shape, position_degree)
     return reference
 
 

@@ -29,12 +29,21 @@ RHO, SCALE = 12.0, 1.7  # ρ_n and scale of λ; E and |λ| are about 1, so all b
 
 # target, normals; the direction is oblique, so that it is nobody's normal
 OBLIQUE = {2: (0.2, 1.0), 3: (0.2, -0.1, 1.0)}
-TARGETS = ("proximity-facet", "direction-facet", "direction-direction")
+TARGETS = (
+    "smooth-interpolated",
+    "proximity-facet",
+    "proximity-interpolated",
+    "direction-facet",
+    "direction-interpolated",
+    "direction-direction",
+)
 
 
 def target_of(name, dim, **options):
     """Keyword arguments of ContactPair."""
     kind, normals = name.split("-")
+    if kind == "smooth":
+        return {"target": dc.Smooth(**options), "normals": normals}
     if kind == "proximity":
         return {"target": dc.Proximity(**options), "normals": normals}
     return {"target": dc.SeekDirection(OBLIQUE[dim], **options), "normals": normals}

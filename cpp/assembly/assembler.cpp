@@ -66,6 +66,8 @@ void Assembler<D>::set_master(Surface master, std::vector<PetscInt> dofs)
   _master = std::move(master);
   _master_dofs = std::move(dofs);
   _search = Search<D>(_master, _options.search);
+  if (interpolated())
+    _normals = NodalNormals<D>(_master, _options.crease);
   neighbours();
 }
 
@@ -102,9 +104,10 @@ int Assembler<D>::update(std::span<const double> u_slave, std::span<const double
   _slave.displace(u_slave);
   _master.displace(u_master);
   _search.refit(_master);
+  if (interpolated())
+    _normals.update(_master);
 
   const int np = _particles.rule.size(), nl = _particles.multiplier.nodes();
-  const Vector<D> e = _options.search.direction;
   int changes = 0;
   for (int f = 0; f < _slave.size(); ++f)
   {
@@ -119,16 +122,8 @@ int Assembler<D>::update(std::span<const double> u_slave, std::span<const double
       for (int a = 0; a < nl; ++a)
         s.lambda += _psi[p * nl + a] * lambda[_multiplier_local[f * nl + a]];
 
-      s.target = _search.find(_master, s.x, outward, s.target);
-      s.gap = -INFINITY;
-      if (s.target.facet >= 0)
-      {
-        const FacetProjection<D> facet(_master, s.target.facet);
-        Kinematics<D> k;
-        place<D>(_master, s.target, s.x, facet.at(s.target.xi, false), _options.normals, e, k);
-        s.gap = k.gap;
-        s.n = k.n;
-      }
+      s.target = _search.find(_master, s.x, outward, s.target, normals());
+      place(s);
       const bool was = s.closed;
       s.closed = closed(_options.law, s.lambda, s.gap) or (std::isfinite(s.gap) and s.gap > near);
       s.changes += was != s.closed;
@@ -136,6 +131,25 @@ int Assembler<D>::update(std::span<const double> u_slave, std::span<const double
     }
   }
   return changes;
+}
+
+// Gap and normal of a particle at its target.
+template <int D>
+void Assembler<D>::place(State& s) const
+{
+  s.gap = -INFINITY;
+  if (s.target.facet < 0)
+    return;
+  const double* xi = s.target.xi.data();
+  NormalField<D> field;
+  if (interpolated())
+    field = _normals.at(_master, s.target.facet, xi);
+  Kinematics<D> k;
+  dolfinx_contact::place<D>(_master, s.target, s.x,
+                            FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false),
+                            _options.normals, _options.search.direction, k, &field);
+  s.gap = k.gap;
+  s.n = k.n;
 }
 
 template <int D>
@@ -175,14 +189,15 @@ std::vector<std::uint8_t> Assembler<D>::fixed_multipliers() const
       _slave.ref.position.tabulate(xi, b);
       const FacetPoint<D> point = evaluate<D>(_slave.facet_x(f), _slave.np(), b, false);
       const Vector<D> outward = -double(_slave.sigma[f]) * point.area_vector().normalized();
-      const Target<D> t = _search.find(_master, point.x, outward, {});
-      if (t.facet < 0) // open: its row is regular
+      State there;
+      there.x = point.x;
+      there.target = _search.find(_master, point.x, outward, {}, normals());
+      place(there);
+      if (there.target.facet < 0) // open: its row is regular
         continue;
-      Kinematics<D> k;
-      place<D>(_master, t, point.x, FacetProjection<D>(_master, t.facet).at(t.xi, false),
-               _options.normals, _options.search.direction, k);
-      fixed[f * nl + a] = held(_slave, f, _slave_dofs, xi, k.n)
-                          and held(_master, t.facet, _master_dofs, t.xi.data(), k.n);
+      fixed[f * nl + a]
+          = held(_slave, f, _slave_dofs, xi, there.n)
+            and held(_master, there.target.facet, _master_dofs, there.target.xi.data(), there.n);
     }
   return fixed;
 }
@@ -284,38 +299,76 @@ void Assembler<D>::tangent(Mat A) const
   PairMatrix<D> block;
   BasisValues P, M;
   const bool same = _master.ref.isoparametric();
+  NormalField<D> field;
+  NormalColumns<D> columns; // of the pair's normals, multiplied by ∂n_A/∂u at its end
+  std::unordered_map<int, NormalDerivative<D>> derivatives;
+  std::vector<PetscInt> ring;
   for (int f = 0; f < _slave.size(); ++f)
-    for_each_pair(f,
-                  [&](int target, std::span<const int> particles)
-                  {
-                    dofs_of(f, target, dofs);
-                    block.setZero(dofs.size(), dofs.size());
-                    for (int p : particles)
-                    {
-                      const State& s = _states[f * np + p];
-                      const double w = _particles.weight[f * np + p];
-                      CouplingBasis B = basis(p);
-                      if (target < 0)
-                      {
-                        add_open_tangent<D>(B, _options.law, w, _options.scale, block);
-                        continue;
-                      }
-                      _master.ref.position.tabulate(s.target.xi.data(), P, true);
-                      if (not same)
-                        _master.ref.displacement.tabulate(s.target.xi.data(), M);
-                      B.M = same ? &P : &M;
-                      B.master = _master.nu();
-                      const FacetPoint<D> point
-                          = evaluate<D>(_master.facet_x(target), _master.np(), P, true);
-                      const Kinematics<D> k = linearise<D>(
-                          _master, s.target, s.x, point, _options.search.rule, _options.normals, e);
-                      const Traction<D> t = linearised_traction<D>(law(s), s.lambda, k);
-                      add_closed_tangent<D>(B, k, t, w, _options.scale, block);
-                    }
-                    check(MatSetValues(A, dofs.size(), dofs.data(), dofs.size(), dofs.data(),
-                                       block.data(), ADD_VALUES),
-                          "MatSetValues (contact tangent)");
-                  });
+    for_each_pair(
+        f,
+        [&](int target, std::span<const int> particles)
+        {
+          dofs_of(f, target, dofs);
+          block.setZero(dofs.size(), dofs.size());
+          if (interpolated() and target >= 0)
+            columns.reset(_master.nv(), static_cast<int>(dofs.size()));
+          for (int p : particles)
+          {
+            const State& s = _states[f * np + p];
+            const double w = _particles.weight[f * np + p];
+            CouplingBasis B = basis(p);
+            if (target < 0)
+            {
+              add_open_tangent<D>(B, _options.law, w, _options.scale, block);
+              continue;
+            }
+            _master.ref.position.tabulate(s.target.xi.data(), P, true);
+            if (not same)
+              _master.ref.displacement.tabulate(s.target.xi.data(), M);
+            B.M = same ? &P : &M;
+            B.master = _master.nu();
+            const FacetPoint<D> point = evaluate<D>(_master.facet_x(target), _master.np(), P, true);
+            if (interpolated())
+              field = _normals.at(_master, target, s.target.xi.data());
+            const Kinematics<D> k = linearise<D>(_master, s.target, s.x, point, _options.search.rule,
+                                                 _options.normals, e, &field);
+            const Traction<D> t = linearised_traction<D>(law(s), s.lambda, k);
+            add_closed_tangent<D>(B, k, t, w, _options.scale, block);
+            if (interpolated())
+            {
+              double N[4], dN[2][4];
+              corner_basis(_master.ref.shape, s.target.xi.data(), N, dN);
+              add_normal_columns<D>(B, k, t, w, _options.scale, N, _master.nv(), columns);
+            }
+          }
+          check(MatSetValues(A, dofs.size(), dofs.data(), dofs.size(), dofs.data(), block.data(),
+                             ADD_VALUES),
+                "MatSetValues (contact tangent)");
+          if (interpolated() and target >= 0)
+          {
+            auto it = derivatives.find(target);
+            if (it == derivatives.end())
+              it = derivatives.emplace(target, _normals.derivative(_master, target)).first;
+            const NormalDerivative<D>& d = it->second;
+            ring_dofs(d.nodes, ring);
+            RingMatrix values = columns.corner[0] * d.dn[0];
+            for (int c = 1; c < _master.nv(); ++c)
+              values += columns.corner[c] * d.dn[c];
+            check(MatSetValues(A, dofs.size(), dofs.data(), ring.size(), ring.data(), values.data(),
+                               ADD_VALUES),
+                  "MatSetValues (contact tangent, normals)");
+          }
+        });
+}
+
+template <int D>
+void Assembler<D>::ring_dofs(const std::vector<std::int32_t>& nodes,
+                             std::vector<PetscInt>& dofs) const
+{
+  dofs.clear();
+  for (const std::int32_t node : nodes)
+    for (int i = 0; i < D; ++i)
+      dofs.push_back(_master_dofs[node * D + i]);
 }
 
 template <int D>
@@ -324,7 +377,7 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
   const int np = _particles.rule.size();
   if (remember)
     _pattern.assign(_slave.size(), {});
-  std::vector<PetscInt> dofs;
+  std::vector<PetscInt> dofs, ring;
   std::vector<PetscScalar> zeros;
   std::vector<int> targets;
   for (int f = 0; f < _slave.size(); ++f)
@@ -338,11 +391,21 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
     targets.erase(std::unique(targets.begin(), targets.end()), targets.end());
     for (int t : targets)
     {
+      if (t >= 0 and not _master.candidate[t])
+        continue;
       dofs_of(f, t, dofs);
       zeros.assign(dofs.size() * dofs.size(), 0.0);
       check(MatSetValues(A, dofs.size(), dofs.data(), dofs.size(), dofs.data(), zeros.data(),
                          ADD_VALUES),
             "MatSetValues (contact pattern)");
+      if (interpolated() and t >= 0)
+      {
+        ring_dofs(_normals.nodes(_master, t), ring);
+        zeros.assign(dofs.size() * ring.size(), 0.0);
+        check(MatSetValues(A, dofs.size(), dofs.data(), ring.size(), ring.data(), zeros.data(),
+                           ADD_VALUES),
+              "MatSetValues (contact pattern, normals)");
+      }
       if (remember and t >= 0)
         _pattern[f].push_back(_master.id[t]); // sorted: facets are
     }

@@ -24,6 +24,7 @@ struct PairOptions
 {
   SearchOptions<D> search;
   NormalRule normals = NormalRule::facet;
+  double crease = 1; ///< angle beyond which normals are not averaged, for interpolated ones
   ContactLaw law;
   double scale = 1; ///< the system's unknown is λ/scale and its rows (F2) are multiplied by scale
 };
@@ -138,6 +139,11 @@ private:
   CouplingBasis basis(int particle) const;
   void dofs_of(int facet, int target, std::vector<PetscInt>& dofs) const;
   void neighbours();
+  void place(State& s) const;
+  bool interpolated() const { return _options.normals == NormalRule::interpolated; }
+  const NodalNormals<D>* normals() const { return interpolated() ? &_normals : nullptr; }
+  using RingMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  void ring_dofs(const std::vector<std::int32_t>& nodes, std::vector<PetscInt>& dofs) const;
   void carry_over(std::vector<State>& states, const Surface& master) const;
 
   Surface _slave, _master;
@@ -149,6 +155,7 @@ private:
   std::vector<BasisValues> _position, _displacement; // slave bases at the particles
   std::vector<double> _psi;                          // (particles, nodes of ψ)
   Search<D> _search;
+  NodalNormals<D> _normals;              // of the master, if interpolated
   std::vector<State> _states, _accepted; // (facets, particles)
   std::vector<std::int32_t> _near_offset,
       _near; // facets that share a vertex with each master facet

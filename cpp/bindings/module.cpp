@@ -68,13 +68,14 @@ void declare_geometry(py::module_& m)
       .def(py::init(
                [](int dim, Shape shape, const TraceBasis& position, const TraceBasis& displacement,
                   const array<double>& interpolation, const array<double>& hull,
-                  const array<std::int64_t>& id, const array<std::int64_t>& vertices,
-                  const array<std::int64_t>& nodes, const array<double>& X,
-                  const array<std::int8_t>& sigma)
+                  const array<double>& area, const array<std::int64_t>& id,
+                  const array<std::int64_t>& vertices, const array<std::int64_t>& nodes,
+                  const array<double>& X, const array<std::int8_t>& sigma)
                {
                  Surface s;
                  s.dim = dim;
-                 s.ref = {shape, position, displacement, vector(interpolation), vector(hull)};
+                 s.ref = {shape,        position,    displacement, vector(interpolation),
+                          vector(hull), vector(area)};
                  s.id = vector(id);
                  s.vertices = vector(vertices);
                  s.nodes = vector(nodes);
@@ -86,8 +87,8 @@ void declare_geometry(py::module_& m)
                  return s;
                }),
            py::arg("dim"), py::arg("shape"), py::arg("position"), py::arg("displacement"),
-           py::arg("interpolation"), py::arg("hull"), py::arg("id"), py::arg("vertices"),
-           py::arg("nodes"), py::arg("X"), py::arg("sigma"))
+           py::arg("interpolation"), py::arg("hull"), py::arg("area"), py::arg("id"),
+           py::arg("vertices"), py::arg("nodes"), py::arg("X"), py::arg("sigma"))
       .def("__len__", &Surface::size)
       .def_property_readonly("id", [](const Surface& s) { return as_array(s.id, {s.size()}); })
       .def_property_readonly("ends", [](const Surface& s) { return as_array(s.ends, {s.size()}); })
@@ -159,9 +160,11 @@ void declare_particles(py::module_& m)
 
   py::enum_<TargetRule>(m, "TargetRule")
       .value("proximity", TargetRule::proximity)
-      .value("direction", TargetRule::direction);
+      .value("direction", TargetRule::direction)
+      .value("smooth", TargetRule::smooth);
   py::enum_<NormalRule>(m, "NormalRule")
       .value("facet", NormalRule::facet)
+      .value("interpolated", NormalRule::interpolated)
       .value("direction", NormalRule::direction);
 }
 
@@ -228,8 +231,9 @@ void declare_assembler(py::module_& m, const char* name)
                [](const Surface& slave, const ParticleRule& rule, const array<double>& weight,
                   const TraceBasis& multiplier, const array<double>& nodes, TargetRule target,
                   NormalRule normals, const std::array<double, D>& direction, double radius,
-                  double end_tolerance, bool augmented, const array<PetscInt>& slave_dofs,
-                  const array<std::int32_t>& local, const array<PetscInt>& dofs)
+                  double end_tolerance, double crease, bool augmented,
+                  const array<PetscInt>& slave_dofs, const array<std::int32_t>& local,
+                  const array<PetscInt>& dofs)
                {
                  PairOptions<D> o;
                  o.search.rule = target;
@@ -238,14 +242,15 @@ void declare_assembler(py::module_& m, const char* name)
                  o.search.radius = radius;
                  o.search.end_tolerance = end_tolerance;
                  o.normals = normals;
+                 o.crease = crease;
                  o.law.augmented = augmented;
                  return A(slave, {rule, vector(weight), multiplier, vector(nodes)}, o,
                           vector(slave_dofs), vector(local), vector(dofs));
                }),
            py::arg("slave"), py::arg("rule"), py::arg("weight"), py::arg("multiplier"),
            py::arg("nodes"), py::arg("target"), py::arg("normals"), py::arg("direction"),
-           py::arg("radius"), py::arg("end_tolerance"), py::arg("augmented"), py::arg("slave_dofs"),
-           py::arg("multiplier_local"), py::arg("multiplier_dofs"))
+           py::arg("radius"), py::arg("end_tolerance"), py::arg("crease"), py::arg("augmented"),
+           py::arg("slave_dofs"), py::arg("multiplier_local"), py::arg("multiplier_dofs"))
       .def("set_master", [](A& a, const Surface& master, const array<PetscInt>& dofs)
            { a.set_master(master, vector(dofs)); })
       .def("set_parameters",

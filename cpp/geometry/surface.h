@@ -27,6 +27,7 @@ struct ReferenceFacet
   TraceBasis displacement;
   std::vector<double> interpolation; ///< displacement basis at the position nodes, (np, nu)
   std::vector<double> hull;          ///< position nodes to Bernstein control points, (np, np)
+  std::vector<double> area; ///< ∫ (∂_1 N_a ∂_2 N_b − ∂_2 N_a ∂_1 N_b) dξ, (np, np); 3D only
 
   /// True if both bases are the same one.
   bool isoparametric() const { return position.degree() == displacement.degree(); }

@@ -26,8 +26,9 @@ template <int D>
 struct Traction
 {
   Vector<D> t = Vector<D>::Zero();
-  Eigen::Matrix<double, D, Kinematics<D>::Z> dz; ///< ∂t/∂z
-  Vector<D> dlambda = Vector<D>::Zero();         ///< ∂t/∂λ
+  Eigen::Matrix<double, D, Kinematics<D>::Z> dz;                        ///< ∂t/∂z
+  Eigen::Matrix<double, D, D> dm = Eigen::Matrix<double, D, D>::Zero(); ///< ∂t/∂m (F8')
+  Vector<D> dlambda = Vector<D>::Zero();                                ///< ∂t/∂λ
 };
 
 /// Value only.
@@ -51,9 +52,15 @@ Traction<D> linearised_traction(const ContactLaw& law, double lambda, const Kine
   if constexpr (not(Drop & traction_multiplier))
     out.dlambda = k.n;
   if constexpr (not(Drop & traction_turning))
+  {
     out.dz += p * k.dn;
+    out.dm += p * k.dn_m;
+  }
   if (law.augmented)
+  {
     out.dz -= law.rho_n * k.n * k.dgap;
+    out.dm -= law.rho_n * k.n * k.dgap_m;
+  }
   return out;
 }
 

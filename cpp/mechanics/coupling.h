@@ -8,6 +8,8 @@
 
 #include "contact_law.h"
 
+#include <array>
+
 namespace dolfinx_contact
 {
 
@@ -113,6 +115,56 @@ void add_closed_tangent(const CouplingBasis& B, const Kinematics<D>& k, const Tr
     for (int i = 0; i < Q; ++i)
       row += B.M->dN[i][a] * C.template middleRows<D>(D + i * D);
   }
+}
+
+/// Columns of a closed particle's tangent that stand for the nodal normals n_A at the corners of
+/// the target (F8'): one (unknowns, D) block for each corner. They are summed over the particles of
+/// a pair, and multiplied by ∂n_A/∂u once.
+template <int D>
+struct NormalColumns
+{
+  using Block = Eigen::Matrix<double, Eigen::Dynamic, D, 0, max_unknowns<D>, D>;
+  std::array<Block, 4> corner;
+
+  void reset(int corners, int size)
+  {
+    for (int c = 0; c < corners; ++c)
+      corner[c].setZero(size, D);
+  }
+};
+
+/// @param N linear basis of the target facet's corners at ξ, `corners` values
+template <int D, unsigned Drop = all_terms>
+void add_normal_columns(const CouplingBasis& B, const Kinematics<D>& k, const Traction<D>& t,
+                        double w, double scale, const double* N, int corners,
+                        NormalColumns<D>& columns)
+{
+  constexpr int Q = D - 1, Z = Kinematics<D>::Z;
+  const int multiplier = B.slave * D, master = multiplier + B.multiplier;
+  // rows (⟦w⟧, ∂_α w², λ*) of the particle, as in add_closed_tangent, for m = Σ_A N_A δn_A
+  Eigen::Matrix<double, Z + 1, D> k0;
+  k0.template topRows<D>() = -w * t.dm;
+  for (int a = 0; a < Q; ++a)
+    if constexpr (not(Drop & moving_target))
+      k0.template middleRows<D>(D + a * D) = w * t.t * k.dxi_m.row(a);
+    else
+      k0.template middleRows<D>(D + a * D).setZero();
+  k0.template bottomRows<1>() = -w * scale * k.dgap_m;
+
+  typename NormalColumns<D>::Block rows(B.size<D>(), D);
+  for (int a = 0; a < B.slave; ++a)
+    rows.template middleRows<D>(a * D) = B.N[a] * k0.template topRows<D>();
+  for (int a = 0; a < B.multiplier; ++a)
+    rows.row(multiplier + a) = B.psi[a] * k0.row(Z);
+  for (int a = 0; a < B.master; ++a)
+  {
+    auto row = rows.template middleRows<D>(master + a * D);
+    row = -B.M->N[a] * k0.template topRows<D>();
+    for (int i = 0; i < Q; ++i)
+      row += B.M->dN[i][a] * k0.template middleRows<D>(D + i * D);
+  }
+  for (int c = 0; c < corners; ++c)
+    columns.corner[c] += N[c] * rows;
 }
 
 } // namespace dolfinx_contact

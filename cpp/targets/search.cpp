@@ -46,15 +46,14 @@ void Search<D>::refit(const Surface& master)
   _tree.refit(master.boxes());
 }
 
-// Lower bound of the cost of all facets in a box.
+// Lower bound of the cost of all facets in a box; a line may pass it beside by `reach`.
 template <int D>
-double Search<D>::bound(const Box<D>& box, const Vector<D>& x) const
+double Search<D>::bound(const Box<D>& box, const Vector<D>& x, double reach) const
 {
-  if (_options.rule == TargetRule::proximity)
-    return std::sqrt(box.distance2(x.array()));
+  if (_options.rule != TargetRule::direction)
+    return std::sqrt(box.distance2(x.array())); // ‖x¹ − x²‖ is |d| for smooth targets too
 
   // smallest |s| for which x + s e is in the box grown by the reach
-  const double reach = _options.end_tolerance * _largest;
   double lo = -INFINITY, hi = INFINITY;
   for (int i = 0; i < D; ++i)
   {
@@ -77,13 +76,27 @@ double Search<D>::bound(const Box<D>& box, const Vector<D>& x) const
   return lo > 0 ? lo : hi < 0 ? -hi : 0.0;
 }
 
-// Facets whose outward normal does not face the slave are refused; for (F5) also grazing ones.
+// The direction m of the rule at a target: ±e, n̄, or the facet's normal for proximity.
 template <int D>
-bool Search<D>::faces(const FacetProjection<D>& facet, const FacetPoint<D>& p,
-                      const Vector<D>& outward) const
+Vector<D> Search<D>::direction(const Query& q, const Target<D>& t) const
 {
-  const Vector<D> n = facet.normal(p);
-  if (n.dot(outward) < 0)
+  if (_options.rule == TargetRule::direction)
+    return _options.direction;
+  if (_options.rule == TargetRule::smooth)
+    return SmoothProjection<D>(q.master, t.facet, *q.normals).normal(t.xi);
+  const FacetProjection<D> facet(q.master, t.facet);
+  return facet.normal(facet.at(t.xi, false));
+}
+
+// Facets whose outward normal does not face the slave are refused, so that the far side of a thin
+// body is never taken; for (F5) also grazing ones.
+template <int D>
+bool Search<D>::faces(const Query& q, const FacetProjection<D>& facet, const Target<D>& t) const
+{
+  if (_options.rule == TargetRule::smooth)
+    return direction(q, t).dot(q.outward) >= 0;
+  const Vector<D> n = facet.normal(facet.at(t.xi, false));
+  if (n.dot(q.outward) < 0)
     return false;
   return _options.rule == TargetRule::proximity or std::abs(n.dot(_options.direction)) >= grazing;
 }
@@ -99,77 +112,78 @@ bool Search<D>::on_end(const FacetProjection<D>& facet, const Target<D>& t) cons
 
 // A target clamped to a physical end counts while the particle overshoots the end a little only.
 template <int D>
-bool Search<D>::within_end(const FacetProjection<D>& facet, const Vector<D>& x,
-                           const Target<D>& t) const
+bool Search<D>::within_end(const Query& q, const Target<D>& t) const
 {
+  const FacetProjection<D> facet(q.master, t.facet);
   if (not on_end(facet, t))
     return true;
-  const FacetPoint<D> p = facet.at(t.xi, false);
-  const Vector<D> m
-      = _options.rule == TargetRule::proximity ? facet.normal(p) : Vector<D>(_options.direction);
-  const Vector<D> r = x - p.x;
+  const Vector<D> m = direction(q, t), r = q.x - facet.at(t.xi, false).x;
   return (r - r.dot(m) * m).norm() <= _options.end_tolerance * _diameter[t.facet];
 }
 
-// (F4) closest point of the facet, clamped to its edges; (F5) intersection inside the facet.
+// (F4) closest point of the facet, clamped to its edges; (F5), (F6) a solution inside the facet.
 template <int D>
-auto Search<D>::on_facet(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward,
-                         const Vector<Q>* start) const -> Found
+auto Search<D>::on_facet(const Query& q, int f, const Vector<Q>* start) const -> Found
 {
   Found found;
-  const FacetProjection<D> facet(master, f);
+  const FacetProjection<D> facet(q.master, f);
   Target<D> t;
   t.facet = f;
-  t.xi = start ? *start : facet.start(x);
-  if (_options.rule == TargetRule::direction)
+  t.xi = start ? *start : facet.start(q.x);
+  if (_options.rule == TargetRule::proximity)
   {
-    double s = 0;
-    if (not facet.intersect(x, _options.direction, t.xi, s) or facet.outside(t.xi) > inside)
-      return found;
-    found.cost = std::abs(s);
-  }
-  else if (facet.closest(x, t.xi) and facet.outside(t.xi) <= inside)
-  {
-    found.cost = (x - facet.at(t.xi, false).x).norm();
+    if (facet.closest(q.x, t.xi) and facet.outside(t.xi) <= inside)
+      found.cost = (q.x - facet.at(t.xi, false).x).norm();
+    else
+    {
+      double best = INFINITY;
+      Target<D> clamped;
+      for (int e = 0; e < num_edges(q.master.ref.shape); ++e)
+      {
+        const double d2 = facet.clamp(q.x, Vector<D>::Zero(), e, clamped);
+        if (d2 < best)
+        {
+          best = d2;
+          t = clamped;
+        }
+      }
+      found.cost = std::sqrt(best);
+    }
   }
   else
   {
-    double best = INFINITY;
-    Target<D> clamped;
-    for (int e = 0; e < num_edges(master.ref.shape); ++e)
-    {
-      const double d2 = facet.clamp(x, Vector<D>::Zero(), e, clamped);
-      if (d2 < best)
-      {
-        best = d2;
-        t = clamped;
-      }
-    }
-    found.cost = std::sqrt(best);
+    double s = 0;
+    const bool solved = _options.rule == TargetRule::smooth
+                            ? SmoothProjection<D>(q.master, f, *q.normals).solve(q.x, t.xi, s)
+                            : facet.intersect(q.x, _options.direction, t.xi, s);
+    if (not solved or facet.outside(t.xi) > inside)
+      return found;
+    found.cost = std::abs(s);
   }
-  if (found.cost > _options.radius or not faces(facet, facet.at(t.xi, false), outward))
+  if (found.cost > _options.radius or not faces(q, facet, t))
     return {};
   found.target = t;
   return found;
 }
 
-// (F5) misses the surface: the nearest physical end beside the ray, seen along e.
+// (F5) or (F6) miss the surface: the nearest physical end beside it, seen along the rule's
+// direction.
 template <int D>
-auto Search<D>::at_end(const Surface& master, int f, const Vector<D>& x,
-                       const Vector<D>& outward) const -> Found
+auto Search<D>::at_end(const Query& q, int f) const -> Found
 {
   Found found;
-  const FacetProjection<D> facet(master, f);
-  for (int e = 0; e < num_edges(master.ref.shape); ++e)
+  const FacetProjection<D> facet(q.master, f);
+  for (int e = 0; e < num_edges(q.master.ref.shape); ++e)
   {
-    Target<D> t;
     if (not facet.is_end(e))
       continue;
-    const double cost = std::sqrt(facet.clamp(x, _options.direction, e, t));
-    const FacetPoint<D> p = facet.at(t.xi, false);
-    if (cost < found.cost and within_end(facet, x, t)
-        and std::abs(_options.direction.dot(x - p.x)) <= _options.radius
-        and faces(facet, p, outward))
+    Target<D> t;
+    const double cost = _options.rule == TargetRule::smooth
+                            ? SmoothProjection<D>(q.master, f, *q.normals).clamp(q.x, e, t)
+                            : std::sqrt(facet.clamp(q.x, _options.direction, e, t));
+    if (cost < found.cost and within_end(q, t)
+        and std::abs(direction(q, t).dot(q.x - facet.at(t.xi, false).x)) <= _options.radius
+        and faces(q, facet, t))
       found = {t, cost};
   }
   return found;
@@ -177,42 +191,41 @@ auto Search<D>::at_end(const Surface& master, int f, const Vector<D>& x,
 
 // Costs that tie go to the lowest global facet number, so that no partition changes a target.
 template <int D>
-void Search<D>::best_of(const Surface& master, const Found& found, Found& best) const
+void Search<D>::best_of(const Query& q, const Found& found, Found& best) const
 {
   if (found.target.facet < 0)
     return;
+  const std::vector<std::int64_t>& id = q.master.id;
   const bool ties = best.target.facet >= 0
                     and std::abs(found.cost - best.cost) <= tie * _diameter[found.target.facet];
-  if (ties ? master.id[found.target.facet] < master.id[best.target.facet] : found.cost < best.cost)
+  if (ties ? id[found.target.facet] < id[best.target.facet] : found.cost < best.cost)
     best = found;
 }
 
 // The former facet at the extrapolated ξ, unclamped, while ξ is within the margin and no other
 // facet is clearly nearer than `cost`.
 template <int D>
-auto Search<D>::keep(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
-                     const Target<D>& former, double cost) const -> Found
+auto Search<D>::keep(const Query& q, const Target<D>& former, double cost) const -> Found
 {
   Found found;
-  const FacetProjection<D> facet(master, former.facet);
+  const FacetProjection<D> facet(q.master, former.facet);
   Target<D> t = former;
   t.clamp = Clamp::none;
   const double near = cost + _options.margin * _diameter[t.facet];
   double s = 0;
   const bool proximity = _options.rule == TargetRule::proximity;
   const bool solved
-      = proximity ? facet.closest(x, t.xi) : facet.intersect(x, _options.direction, t.xi, s);
+      = proximity ? facet.closest(q.x, t.xi) : facet.intersect(q.x, _options.direction, t.xi, s);
   if (solved and facet.outside(t.xi) <= _options.margin and not facet.beyond_end(t.xi, inside))
   {
-    const FacetPoint<D> p = facet.at(t.xi, false);
-    const double c = proximity ? (x - p.x).norm() : std::abs(s);
-    if (c <= near and c <= _options.radius and faces(facet, p, outward))
+    const double c = proximity ? (q.x - facet.at(t.xi, false).x).norm() : std::abs(s);
+    if (c <= near and c <= _options.radius and faces(q, facet, t))
       found = {t, c};
   }
   else if (proximity)
   {
     // at an inner ridge both facets hold the closest point: stay on the former one
-    const Found again = on_facet(master, former.facet, x, outward);
+    const Found again = on_facet(q, former.facet);
     if (again.cost <= cost + tie * _diameter[t.facet])
       found = again;
   }
@@ -220,48 +233,47 @@ auto Search<D>::keep(const Surface& master, const Vector<D>& x, const Vector<D>&
 }
 
 template <int D>
-Target<D> Search<D>::find(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
-                          const Target<D>& former) const
+Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
 {
   Found best;
   const double slack = tie * _largest;
-  auto key = [&](const Box<D>& box) { return bound(box, x); };
+  auto key = [&](const Box<D>& box) { return bound(box, q.x, inside * _largest); };
   double limit = _options.radius;
   if (former.facet >= 0) // a warm start bounds the search
   {
-    best = on_facet(master, former.facet, x, outward, &former.xi);
+    best = on_facet(q, former.facet, &former.xi);
     limit = std::min(limit, best.cost + slack);
   }
   _tree.descend(
       key,
       [&](int f)
       {
-        if (master.candidate[f] and f != former.facet)
-          best_of(master, on_facet(master, f, x, outward), best);
+        if (q.master.candidate[f] and f != former.facet)
+          best_of(q, on_facet(q, f), best);
         return std::min(_options.radius, best.cost + slack);
       },
       limit);
 
   const bool stayed = best.target.facet == former.facet and best.target.clamp == Clamp::none;
-  if (best.target.facet >= 0 and former.facet >= 0 and not stayed)
+  if (_options.rule != TargetRule::smooth and best.target.facet >= 0 and former.facet >= 0
+      and not stayed)
   {
-    const Found kept = keep(master, x, outward, former, best.cost);
+    const Found kept = keep(q, former, best.cost);
     if (kept.target.facet >= 0)
       best = kept;
   }
-  if (best.target.facet < 0 and _options.rule == TargetRule::direction)
+  if (best.target.facet < 0 and _options.rule != TargetRule::proximity)
     _tree.descend(
-        key,
+        [&](const Box<D>& box) { return bound(box, q.x, _options.end_tolerance * _largest); },
         [&](int f)
         {
-          if (master.candidate[f])
-            best_of(master, at_end(master, f, x, outward), best);
-          return _options.radius; // keys are distances along e, costs beside it
+          if (q.master.candidate[f])
+            best_of(q, at_end(q, f), best);
+          return _options.radius; // keys are distances along the direction, costs beside it
         },
         _options.radius);
 
-  if (best.target.facet >= 0
-      and not within_end(FacetProjection<D>(master, best.target.facet), x, best.target))
+  if (best.target.facet >= 0 and not within_end(q, best.target))
     return {};
   return best.target;
 }

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "bounding_volumes.h"
-#include "facet_projection.h"
+#include "smooth_projection.h"
 
 namespace dolfinx_contact
 {
@@ -11,7 +11,8 @@ namespace dolfinx_contact
 enum class TargetRule : std::int8_t
 {
   proximity, ///< (F4) closest point
-  direction  ///< (F5) along a fixed direction
+  direction, ///< (F5) along a fixed direction
+  smooth     ///< (F6) along the interpolated normal
 };
 
 /// Settings of a search. Lengths are relative to the facet's diameter where so marked.
@@ -41,9 +42,14 @@ public:
   /// Target of one particle.
   /// @param x position of the particle
   /// @param outward unit outward normal of the slave there; facets that do not face it are refused
-  /// @param former the target of the last evaluation, kept within the margin (no facet flipping)
+  /// @param former the target of the last evaluation, kept within the margin (no facet flipping;
+  /// smooth targets have no need of it)
+  /// @param normals of the master, for smooth targets
   Target<D> find(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
-                 const Target<D>& former) const;
+                 const Target<D>& former, const NodalNormals<D>* normals = nullptr) const
+  {
+    return find(Query{master, x, outward, normals}, former);
+  }
 
 private:
   struct Found
@@ -52,17 +58,25 @@ private:
     double cost = INFINITY; // distance (F4) or |s| (F5)
   };
 
-  Found on_facet(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward,
-                 const Vector<Q>* start = nullptr) const;
-  Found at_end(const Surface& master, int f, const Vector<D>& x, const Vector<D>& outward) const;
-  bool faces(const FacetProjection<D>& facet, const FacetPoint<D>& p,
-             const Vector<D>& outward) const;
+  // A particle in search of its target.
+  struct Query
+  {
+    const Surface& master;
+    const Vector<D>& x;
+    const Vector<D>& outward;
+    const NodalNormals<D>* normals;
+  };
+
+  Target<D> find(const Query& q, const Target<D>& former) const;
+  Found on_facet(const Query& q, int f, const Vector<Q>* start = nullptr) const;
+  Found at_end(const Query& q, int f) const;
+  Found keep(const Query& q, const Target<D>& former, double cost) const;
+  bool faces(const Query& q, const FacetProjection<D>& facet, const Target<D>& t) const;
   bool on_end(const FacetProjection<D>& facet, const Target<D>& t) const;
-  bool within_end(const FacetProjection<D>& facet, const Vector<D>& x, const Target<D>& t) const;
-  Found keep(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
-             const Target<D>& former, double cost) const;
-  double bound(const Box<D>& box, const Vector<D>& x) const;
-  void best_of(const Surface& master, const Found& found, Found& best) const;
+  bool within_end(const Query& q, const Target<D>& t) const;
+  Vector<D> direction(const Query& q, const Target<D>& t) const;
+  double bound(const Box<D>& box, const Vector<D>& x, double reach) const;
+  void best_of(const Query& q, const Found& found, Found& best) const;
 
   SearchOptions<D> _options;
   BoxTree<D> _tree;
