@@ -33,13 +33,14 @@ help:
 	@echo "make test          C++ and Python tests, on 1, 2 and 3 MPI ranks"
 	@echo "make install       build, and install the Python package for $(PY)"
 	@echo "make sanitize      C++ tests with address and undefined-behaviour sanitizers"
-	@echo "make bench         C++ benchmarks"
+	@echo "make bench         what contact costs: C++ benchmarks, then beside a bulk in Python"
 	@echo "make format        format C++ and Python; make check-format only checks"
 	@echo "make clean         remove $(BUILD)/"
 
 demo: install
 	$(PY) demos/two_blocks.py
 	$(PY) demos/two_cubes.py
+	$(PY) demos/sphere_on_block.py
 
 test: install ctest pytest-1 pytest-2 pytest-3
 
@@ -83,9 +84,10 @@ sanitize: packages
 	cmake --build $(BUILD)/sanitize
 	cd $(BUILD)/sanitize && ASAN_OPTIONS=detect_leaks=0 ctest --output-on-failure --no-tests=error </dev/null
 
-bench: packages $(BUILD)/build.ninja
-	cmake --build $(BUILD)
+bench: install
+	cmake --build $(BUILD) --target contact_bench
 	$(BUILD)/contact_bench
+	$(PY) benchmarks/contact_cost.py
 
 # --- the source's looks ----------------------------------------------------------------------
 

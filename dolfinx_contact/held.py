@@ -52,9 +52,7 @@ def multiplier_dofs(pair: Any) -> npt.NDArray[np.int32]:
     return dofs
 
 
-def agreed(
-    pair: Any, on_facets: npt.NDArray[np.bool_], any_facet: bool
-) -> npt.NDArray[np.bool_]:
+def agreed(pair: Any, on_facets: npt.NDArray[np.bool_], any_facet: bool) -> npt.NDArray[np.bool_]:
     """What the facets around each multiplier say, on all ranks. Collective.
 
     Args:

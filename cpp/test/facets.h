@@ -295,7 +295,7 @@ Surface build(const ReferenceFacet& ref, const Cells& cells,
       if (a < nu)
         s.nodes.push_back(node);
     }
-    s.id.push_back(static_cast<std::int64_t>(f * 37 % 1009 + 1000));
+    s.id.push_back(static_cast<std::int64_t>(f * 389 % 1009 + 1000));
     s.candidate.push_back(1);
     for (int e = 0; e < num_edges(shape); ++e)
       ++facets_at[edge(f, e)];
@@ -349,6 +349,26 @@ Surface single_facet(const Element& element, double amplitude, std::mt19937& ran
       [&](const Vector<D>&) { return Vector<D>(side * Vector<D>::Unit(D - 1)); }, random);
 }
 
+/// The unit interval or square in n × n cells (triangles: halves of them), the body below.
+template <int D>
+Surface plate(
+    const Element& element, int n, unsigned seed = 1,
+    const std::function<Vector<D>(const Eigen::Vector3d&)>& map
+    = [](const Eigen::Vector3d& p) { return Vector<D>(p.head<D>()); })
+{
+  std::mt19937 random(seed);
+  return build<D>(
+      element.ref(), D == 2 ? line_cells(n) : square_cells(element.shape, n), map,
+      [](const Vector<D>&) { return Vector<D>(-Vector<D>::Unit(D - 1)); }, random);
+}
+
+/// Where a target is.
+template <int D>
+Vector<D> position(const Surface& s, const Target<D>& t)
+{
+  return FacetProjection<D>(s, t.facet).at(t.xi, false).x;
+}
+
 // --- particles ------------------------------------------------------------------------------
 
 /// A particle and its target on one strongly curved facet of unit size.
@@ -394,7 +414,8 @@ struct Scene
 };
 
 /// Draw until the problem is well-posed: (F4), (F4c) at least 0.3 times as stiff as if flat, e at
-/// most 60 degrees from the normal. ‖x¹ − x²‖ is 0.1 to 0.3, in penetration or open.
+/// most 60 degrees from the normal, curvature at least 0.05 where it enters, r not along n by
+/// chance. ‖x¹ − x²‖ is 0.1 to 0.3, in penetration or open.
 template <int D>
 Scene<D> draw(const Element& element, TargetRule rule, NormalRule normals, Clamp clamp,
               std::mt19937& random)
@@ -425,7 +446,11 @@ Scene<D> draw(const Element& element, TargetRule rule, NormalRule normals, Clamp
     const FacetPoint<D> p = facet.at(s.target.xi, true);
     const Vector<D> n = facet.normal(p), tau = p.tau * E;
     if (not proximity)
-      s.e = (n + uniform_vector<D>(random, -1, 1)).normalized() * (random() % 2 ? 1 : -1);
+    {
+      s.e = (n + uniform_vector<D>(random, -1, 1)).normalized();
+      if (random() % 2)
+        s.e = -s.e;
+    }
     Vector<D> r = uniform_vector<D>(random, -1, 1);
     if (clamp == Clamp::none)
       r = proximity ? n : s.e;
@@ -434,23 +459,32 @@ Scene<D> draw(const Element& element, TargetRule rule, NormalRule normals, Clamp
       const Vector<D> b = tau - s.e.dot(tau) * s.e; // (F4c): r·b = 0
       r -= r.dot(b) / b.squaredNorm() * b;
     }
-    r *= uniform(random, 0.1, 0.3) / r.norm() * (random() % 2 ? 1 : -1);
+    r *= uniform(random, 0.1, 0.3) / r.norm();
+    if (random() % 2)
+      r = -r;
     s.x1 = p.x + r;
 
     if (not proximity and std::abs(s.e.dot(n)) < 0.5)
       continue;
+    const bool along_n = proximity and clamp == Clamp::none;
+    if (not along_n and std::abs(r.dot(n)) > 0.95 * r.norm())
+      continue;
     const Eigen::Matrix<double, Q, Q> metric = p.tau.transpose() * p.tau;
-    Eigen::Matrix<double, Q, Q> A = metric;
+    Eigen::Matrix<double, Q, Q> bend; // r·∂²x²
     const Vector<D> rm = r - s.e.dot(r) * s.e;
     for (int a = 0; a < Q; ++a)
       for (int b = 0; b < Q; ++b)
-        A(a, b) -= rm.dot(p.d2(a, b));
+        bend(a, b) = rm.dot(p.d2(a, b));
+    const Eigen::Matrix<double, Q, Q> A = metric - bend;
     if (metric.determinant() < 0.1)
       continue;
     if (clamp == Clamp::none and proximity
-        and (A.determinant() < 0.3 * metric.determinant() or A(0, 0) < 0))
+        and (A.determinant() < 0.3 * metric.determinant() or A(0, 0) < 0
+             or (s.curved() and bend.norm() < 0.05)))
       continue;
-    if (clamp == Clamp::edge and E.dot(A * E) - std::pow(s.e.dot(tau), 2) < 0.3 * E.dot(metric * E))
+    if (clamp == Clamp::edge
+        and (E.dot(A * E) - std::pow(s.e.dot(tau), 2) < 0.3 * E.dot(metric * E)
+             or (element.position == 2 and std::abs(E.dot(bend * E)) < 0.05)))
       continue;
     Target<D> again;
     if (s.solve(s.master, s.x1, again) and (again.xi - s.target.xi).norm() < 1e-9)

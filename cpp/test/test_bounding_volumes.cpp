@@ -2,6 +2,7 @@
 #include "../targets/bounding_volumes.h"
 #include "facets.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <set>
 
@@ -18,9 +19,8 @@ std::vector<double> random_boxes(int n, std::mt19937& random)
   for (int i = 0; i < n; ++i)
   {
     const Vector<D> lo = uniform_vector<D>(random, 0, 1), size = uniform_vector<D>(random, 0, 0.1);
-    boxes.insert(boxes.end(), lo.data(), lo.data() + D);
-    for (int k = 0; k < D; ++k)
-      boxes.push_back(lo[k] + size[k]);
+    for (int k = 0; k < 2 * D; ++k)
+      boxes.push_back(k < D ? lo[k] : lo[k - D] + size[k - D]);
   }
   return boxes;
 }

@@ -2,8 +2,10 @@
 #include "../integration/particle_rule.h"
 #include "facets.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <numbers>
+#include <numeric>
 
 using namespace dolfinx_contact;
 using namespace dolfinx_contact::test;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "facets.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <numbers>
 
 using namespace dolfinx_contact;
 using namespace dolfinx_contact::test;
@@ -181,8 +183,7 @@ TEST_CASE("Surface: area vectors of known shapes")
   plane.tau << 2, 0, 0, 3, 0, 0;
   REQUIRE(plane.area_vector() == Vector<3>(0, 0, 6));
 
-  // outward on a sphere of radius 1: every facet of a builder's closed surface points inward by σ,
-  // and over a closed surface area vectors sum to zero (degree 1: constant or bilinear facets)
+  // a polyhedron in the unit sphere: σ turns every area vector inward, and they sum to zero
   for (Shape shape : {Shape::triangle, Shape::quadrilateral})
   {
     std::mt19937 random(6);
@@ -198,13 +199,13 @@ TEST_CASE("Surface: area vectors of known shapes")
     {
       const FacetPoint<3> p = point<3>(s, f, centre);
       const Vector<3> S = area * s.sigma[f] * p.area_vector();
-      REQUIRE(S.normalized().dot(-p.x.normalized()) > 0.99);
+      REQUIRE(S.normalized().dot(-p.x.normalized()) > 0.9);
       sum += S;
       total += S.norm();
     }
-    REQUIRE(sum.norm() <= 100 * eps);                // a hundred facets
-    REQUIRE(total == Approx(4 * M_PI).epsilon(0.1)); // 4 × 4 facets a side: inscribed
-    REQUIRE(total < 4 * M_PI);
+    REQUIRE(sum.norm() <= 100 * eps);                            // of up to 192 facets
+    REQUIRE(total == Approx(4 * std::numbers::pi).epsilon(0.1)); // 4 × 4 facets a side
+    REQUIRE(total < 4 * std::numbers::pi);
   }
 }
 

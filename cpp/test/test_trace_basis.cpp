@@ -2,6 +2,7 @@
 #include "facets.h"
 
 #include <catch2/catch.hpp>
+#include <numeric>
 
 using namespace dolfinx_contact;
 using namespace dolfinx_contact::test;

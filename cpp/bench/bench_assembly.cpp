@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: MIT
+//
+// What the assembly costs: all of it through the assembler, and its parts: the arithmetic of the
+// tangent without PETSc, and the insertion of finished blocks without arithmetic.
+#include "../assembly/assembler.h"
+#include "../assembly/petsc_check.h"
+#include "surfaces.h"
+
+#include <map>
+
+using namespace dolfinx_contact;
+using namespace dolfinx_contact::bench;
+
+namespace
+{
+
+/// A contact problem without its bulk: everything closed, rows numbered at random.
+template <int D>
+class Problem
+{
+public:
+  Problem(const Element& element, int facets)
+      : _pair(bench::pair<D>(element, facets))
+      , _dofs(_pair.slave, _pair.master)
+      , _assembler(_pair.slave, particles(), options(), _dofs.slave, _pair.slave.local,
+                   _dofs.multiplier)
+      , _u_master(_dofs.master.size(), 0.0)
+      , _lambda(_dofs.multiplier.size(), -1.0)
+  {
+    for (double fraction : {0.0, 0.02})
+      _u_slave.push_back(_pair.slide(fraction));
+    _assembler.set_master(_pair.master, _dofs.master);
+    update();
+    allocate();
+  }
+  Problem(const Problem&) = delete;
+  ~Problem()
+  {
+    VecDestroy(&b);
+    MatDestroy(&A);
+  }
+
+  /// Search anew after a slide by 2 % of a facet, to and fro.
+  void update()
+  {
+    std::swap(_u_slave[0], _u_slave[1]);
+    _assembler.update(_u_slave[0], _u_master, _lambda, -1);
+  }
+
+  int size() const { return _pair.particles(); }
+  const Pair<D>& pair() const { return _pair; }
+  const Assembler<D>& assembler() const { return _assembler; }
+
+  /// Particles of a slave facet that share a target facet, and the system dofs of both.
+  struct Block
+  {
+    int facet, target;
+    std::vector<int> particles;
+    std::vector<PetscInt> dofs;
+  };
+  std::vector<Block> blocks() const
+  {
+    std::vector<Block> out;
+    const Surface &slave = _assembler.slave(), &master = _assembler.master();
+    for (int f = 0; f < slave.size(); ++f)
+    {
+      std::map<int, std::vector<int>> groups;
+      for (int p = 0; p < _pair.rule.size(); ++p)
+        groups[_assembler.states()[f * _pair.rule.size() + p].target.facet].push_back(p);
+      for (const auto& [target, particles] : groups)
+      {
+        Block block{f, target, particles, {}};
+        for (int a = 0; a < slave.nu() * D; ++a)
+          block.dofs.push_back(_dofs.slave[slave.local[f * slave.nu() + a / D] * D + a % D]);
+        for (int a = 0; a < slave.nu(); ++a)
+          block.dofs.push_back(_dofs.multiplier[slave.local[f * slave.nu() + a]]);
+        for (int a = 0; a < master.nu() * D; ++a)
+          block.dofs.push_back(
+              _dofs.master[master.local[target * master.nu() + a / D] * D + a % D]);
+        out.push_back(block);
+      }
+    }
+    return out;
+  }
+
+  Mat A = nullptr; ///< with the pattern of the contact terms
+  Vec b = nullptr;
+
+private:
+  /// Dofs of all nodes in random order, then the multipliers likewise.
+  struct Dofs
+  {
+    std::vector<PetscInt> slave, master, multiplier;
+    PetscInt size;
+
+    Dofs(const Surface& s, const Surface& m)
+    {
+      std::mt19937 random(6);
+      const PetscInt ns = s.node_table.size(), nm = m.node_table.size();
+      std::vector<PetscInt> node(ns + nm);
+      std::iota(node.begin(), node.end(), 0);
+      std::shuffle(node.begin(), node.end(), random);
+      for (PetscInt i = 0; i < (ns + nm) * D; ++i)
+        (i < ns * D ? slave : master).push_back(node[i / D] * D + i % D);
+      multiplier.resize(ns);
+      std::iota(multiplier.begin(), multiplier.end(), (ns + nm) * D);
+      std::shuffle(multiplier.begin(), multiplier.end(), random);
+      size = (ns + nm) * D + ns;
+    }
+  };
+
+  Particles particles() const
+  {
+    return {_pair.rule,
+            particle_weights(_pair.slave, _pair.rule, false),
+            _pair.slave.ref.displacement,
+            {}};
+  }
+
+  static PairOptions<D> options()
+  {
+    PairOptions<D> o;
+    o.search.radius = 0.5;
+    return o;
+  }
+
+  void allocate()
+  {
+    Mat pattern;
+    const PetscInt n = _dofs.size;
+    check(MatCreate(PETSC_COMM_SELF, &pattern), "MatCreate");
+    check(MatSetSizes(pattern, n, n, n, n), "MatSetSizes");
+    check(MatSetType(pattern, MATPREALLOCATOR), "MatSetType");
+    check(MatSetUp(pattern), "MatSetUp");
+    _assembler.insert_pattern(pattern, false);
+    check(MatAssemblyBegin(pattern, MAT_FINAL_ASSEMBLY), "MatAssemblyBegin");
+    check(MatAssemblyEnd(pattern, MAT_FINAL_ASSEMBLY), "MatAssemblyEnd");
+    check(MatCreate(PETSC_COMM_SELF, &A), "MatCreate");
+    check(MatSetSizes(A, n, n, n, n), "MatSetSizes");
+    check(MatSetType(A, MATAIJ), "MatSetType");
+    check(MatPreallocatorPreallocate(pattern, PETSC_TRUE, A), "MatPreallocatorPreallocate");
+    check(MatDestroy(&pattern), "MatDestroy");
+    check(MatSetOption(A, MAT_NEW_NONZERO_LOCATION_ERR, PETSC_TRUE), "MatSetOption");
+    check(VecCreateSeq(PETSC_COMM_SELF, n, &b), "VecCreateSeq");
+  }
+
+  Pair<D> _pair;
+  Dofs _dofs;
+  Assembler<D> _assembler;
+  std::vector<std::vector<double>> _u_slave;
+  std::vector<double> _u_master, _lambda;
+};
+
+template <int D>
+void update(benchmark::State& state, Problem<D>& problem)
+{
+  for (auto _ : state)
+    problem.update();
+  per(state, "particle", problem.size());
+}
+
+template <int D>
+void residual(benchmark::State& state, Problem<D>& problem)
+{
+  for (auto _ : state)
+    problem.assembler().residual(problem.b);
+  per(state, "particle", problem.size());
+}
+
+template <int D>
+void tangent(benchmark::State& state, Problem<D>& problem)
+{
+  for (auto _ : state)
+    problem.assembler().tangent(problem.A);
+  per(state, "particle", problem.size());
+}
+
+/// The arithmetic of `Assembler::tangent`. Without `product` only up to the variations of target,
+/// normal and gap, which know nothing of degrees of freedom.
+template <int D>
+void arithmetic(benchmark::State& state, Problem<D>& problem, bool product)
+{
+  const std::vector<typename Problem<D>::Block> blocks = problem.blocks();
+  const ParticleRule& rule = problem.pair().rule;
+  const Surface &slave = problem.assembler().slave(), &master = problem.assembler().master();
+  const std::vector<double>& weight = problem.assembler().particles().weight;
+  std::vector<BasisValues> N(rule.size());
+  for (int p = 0; p < rule.size(); ++p)
+    slave.ref.displacement.tabulate(&rule.points[p * (D - 1)], N[p]);
+
+  const ContactLaw law;
+  const Vector<D> e = Vector<D>::Zero();
+  PairMatrix<D> K;
+  BasisValues M;
+  for (auto _ : state)
+    for (const auto& block : blocks)
+    {
+      K.setZero(block.dofs.size(), block.dofs.size());
+      for (int p : block.particles)
+      {
+        const int i = block.facet * rule.size() + p;
+        const auto& s = problem.assembler().states()[i];
+        master.ref.position.tabulate(s.target.xi.data(), M, true);
+        const FacetPoint<D> point = evaluate<D>(master.facet_x(block.target), master.np(), M, true);
+        const Kinematics<D> k = linearise<D>(master, s.target, s.x, point, TargetRule::proximity,
+                                             NormalRule::facet, e);
+        if (product)
+        {
+          const CouplingBasis B{N[p].N, N[p].N, &M, slave.nu(), slave.nu(), master.nu()};
+          const Traction<D> t = linearised_traction<D>(law, s.lambda, k);
+          add_closed_tangent<D>(B, k, t, weight[i], 1.0, K);
+        }
+        else
+          benchmark::DoNotOptimize(k);
+      }
+      benchmark::DoNotOptimize(K.data());
+    }
+  per(state, "particle", problem.size());
+}
+
+/// MatSetValues of the summed blocks alone.
+template <int D>
+void insertion(benchmark::State& state, Problem<D>& problem)
+{
+  const std::vector<typename Problem<D>::Block> blocks = problem.blocks();
+  const PairMatrix<D> K = PairMatrix<D>::Ones(blocks[0].dofs.size(), blocks[0].dofs.size());
+  for (auto _ : state)
+    for (const auto& block : blocks)
+      check(MatSetValues(problem.A, block.dofs.size(), block.dofs.data(), block.dofs.size(),
+                         block.dofs.data(), K.data(), ADD_VALUES),
+            "MatSetValues");
+  per(state, "particle", problem.size());
+}
+
+template <int D>
+void add_all()
+{
+  using Function = void (*)(benchmark::State&, Problem<D>&);
+  const std::pair<std::string, Function> all[]
+      = {{"update: move, warm search, status", update<D>},
+         {"residual with insertion", residual<D>},
+         {"tangent with insertion", tangent<D>},
+         {"  its variations", [](auto& s, auto& p) { arithmetic<D>(s, p, false); }},
+         {"  its arithmetic", [](auto& s, auto& p) { arithmetic<D>(s, p, true); }},
+         {"  its MatSetValues", insertion<D>}};
+  for (const Element& e : elements<D>())
+  {
+    const int facets = e.position == 1 ? 1000 : 300;
+    const Once<Problem<D>> problem([=] { return std::make_unique<Problem<D>>(e, facets); });
+    for (const auto& [what, function] : all)
+      add(what + ", " + name(e),
+          [=, function = function](benchmark::State& s) { function(s, problem()); });
+  }
+}
+
+const bool registered = (add_all<3>(), add_all<2>(), true);
+
+} // namespace
