@@ -139,9 +139,34 @@ inline Eigen::RowVectorXd bernstein(Shape shape, int degree, const Eigen::RowVec
   return b;
 }
 
+/// ∫ (∂_1 N_a ∂_2 N_b − ∂_2 N_a ∂_1 N_b) dξ by 4 × 4 Gauss points (collapsed on triangles).
+inline std::vector<double> area_weights(Shape shape, const TraceBasis& basis)
+{
+  const double a = std::sqrt(3.0 / 7 - 2.0 / 7 * std::sqrt(1.2)),
+               b = std::sqrt(3.0 / 7 + 2.0 / 7 * std::sqrt(1.2));
+  const double point[4] = {(1 - b) / 2, (1 - a) / 2, (1 + a) / 2, (1 + b) / 2};
+  const double heavy = (18 + std::sqrt(30.0)) / 72, light = (18 - std::sqrt(30.0)) / 72;
+  const double weight[4] = {light, heavy, heavy, light};
+  const int n = basis.nodes();
+  std::vector<double> W(n * n, 0.0);
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < 4; ++j)
+    {
+      const bool triangle = shape == Shape::triangle;
+      const double rest = triangle ? 1 - point[j] : 1.0, xi[2] = {point[i] * rest, point[j]};
+      BasisValues v;
+      basis.tabulate(xi, v);
+      for (int p = 0; p < n; ++p)
+        for (int q = 0; q < n; ++q)
+          W[p * n + q]
+              += weight[i] * weight[j] * rest * (v.dN[0][p] * v.dN[1][q] - v.dN[1][p] * v.dN[0][q]);
+    }
+  return W;
+}
+
 inline ReferenceFacet reference_facet(Shape shape, int position, int displacement)
 {
-  ReferenceFacet ref{shape, lagrange(shape, position), lagrange(shape, displacement), {}, {}};
+  ReferenceFacet ref{shape, lagrange(shape, position), lagrange(shape, displacement), {}, {}, {}};
   const Points nodes = lagrange_nodes(shape, position);
   const int np = ref.position.nodes(), nu = ref.displacement.nodes();
   Points at(np, nu);
@@ -155,6 +180,8 @@ inline ReferenceFacet reference_facet(Shape shape, int position, int displacemen
   const Points hull = B.inverse();
   ref.interpolation.assign(at.data(), at.data() + at.size());
   ref.hull.assign(hull.data(), hull.data() + hull.size());
+  if (facet_dim(shape) == 2)
+    ref.area = area_weights(shape, ref.position);
   return ref;
 }
 
