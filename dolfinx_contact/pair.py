@@ -122,8 +122,9 @@ class ContactPair:
         }[self.target.kind]
         if self.normals not in fits:
             raise InputError(
-                f"ContactPair: normals is {self.normals!r}; with {type(self.target).__name__} give"
-                f" one of {', '.join(fits)}, or None."
+                f"ContactPair: normals is {self.normals!r} with {type(self.target).__name__};"
+                ' "interpolated" goes with every target, "facet" with Proximity and'
+                ' SeekDirection, "direction" with SeekDirection; None picks what fits.'
             )
         if not 0 < self.crease <= 180:
             raise InputError(

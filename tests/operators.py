@@ -29,14 +29,8 @@ RHO, SCALE = 12.0, 1.7  # ρ_n and scale of λ; E and |λ| are about 1, so all b
 
 # target, normals; the direction is oblique, so that it is nobody's normal
 OBLIQUE = {2: (0.2, 1.0), 3: (0.2, -0.1, 1.0)}
-TARGETS = (
-    "smooth-interpolated",
-    "proximity-facet",
-    "proximity-interpolated",
-    "direction-facet",
-    "direction-interpolated",
-    "direction-direction",
-)
+TARGETS = ("proximity-facet", "direction-facet", "direction-direction")
+INTERPOLATED = ("smooth-interpolated", "proximity-interpolated", "direction-interpolated")
 
 
 def target_of(name, dim, **options):

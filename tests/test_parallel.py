@@ -17,6 +17,8 @@ PARTITIONS = (apart, striped, remote, None)
 
 #: problem and target; all in generic position, so that no search ends in a tie
 CASES = {
+    "2D smooth": (punch, dc.Smooth()),
+    "3D smooth": (dome, dc.Smooth()),
     "2D proximity": (punch, dc.Proximity()),
     "2D direction": (punch, dc.SeekDirection((0.05, 1.0))),
     "3D proximity": (dome, dc.Proximity()),
@@ -122,7 +124,7 @@ def test_partitions_are_what_they_claim():
 def test_one_rank_without_any_cell():
     """Only the last rank has cells; the others take part in every collective call."""
     model, pair = punch(COMM, lambda x, n: np.full(len(x), n - 1)), None
-    pair = model.solve(dc.Newton(rtol=1e-12))
+    pair = model.solve(dc.Newton(rtol=1e-12), target=dc.Proximity())
     alone, reference = serial("2D proximity")
     # the same sums in the same rank: only the direct solver's order may differ
     assert distance(model.u, alone.u) < 1e-9

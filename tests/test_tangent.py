@@ -11,10 +11,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpi4py import MPI
-from operators import CELLS, DIM, RHO, SCALE, TARGETS, case, model, overshoot
+from operators import CELLS, DIM, INTERPOLATED, RHO, SCALE, case, model, overshoot
+from operators import TARGETS as FIXED_NORMALS
 
 import dolfinx_contact as dc
 
+TARGETS = (*FIXED_NORMALS, *INTERPOLATED)
 PARAMETERS = RHO, SCALE  # of every case
 RULES = {"Nodes": dc.Nodes(), "Simpson": dc.Simpson(1), "Gauss": dc.Gauss(3)}
 
