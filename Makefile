@@ -41,6 +41,8 @@ demo: install
 	$(PY) demos/two_blocks.py
 	$(PY) demos/two_cubes.py
 	$(PY) demos/sphere_on_block.py
+	$(PY) demos/hertz.py
+	$(PY) demos/cord.py
 
 test: install ctest pytest-1 pytest-2 pytest-3
 

@@ -28,6 +28,10 @@ Assembler<D>::Assembler(Surface slave, Particles particles, PairOptions<D> optio
   if (_slave_dofs.size() != _slave.node_table.size() * D or _multiplier_local.size() != n * nl
       or _particles.weight.size() != n * np)
     throw std::invalid_argument("Assembler: tables of the slave surface do not match");
+  // interpolated normals do not jump at junctions: keeping the former facet would only make the
+  // result depend on the path, and break symmetry
+  if (interpolated())
+    _options.search.margin = 0;
   _states.resize(n * np);
   _accepted = _states;
   _position.resize(np);
@@ -330,8 +334,8 @@ void Assembler<D>::tangent(Mat A) const
             const FacetPoint<D> point = evaluate<D>(_master.facet_x(target), _master.np(), P, true);
             if (interpolated())
               field = _normals.at(_master, target, s.target.xi.data());
-            const Kinematics<D> k = linearise<D>(_master, s.target, s.x, point, _options.search.rule,
-                                                 _options.normals, e, &field);
+            const Kinematics<D> k = linearise<D>(_master, s.target, s.x, point,
+                                                 _options.search.rule, _options.normals, e, &field);
             const Traction<D> t = linearised_traction<D>(law(s), s.lambda, k);
             add_closed_tangent<D>(B, k, t, w, _options.scale, block);
             if (interpolated())
