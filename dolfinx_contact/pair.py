@@ -12,7 +12,16 @@ from dolfinx import fem
 
 from . import _cpp, compat
 from .errors import ContactError, InputError, together
-from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, Smooth, check_determined
+from .rules import (
+    Gauss,
+    Lobatto,
+    Nodes,
+    Proximity,
+    SeekDirection,
+    Simpson,
+    Smooth,
+    check_determined,
+)
 from .surface import Surface, basis_polynomials, check_available, check_tags
 
 
