@@ -74,7 +74,7 @@ install: packages $(BUILD)/build.ninja
 # --- tests -----------------------------------------------------------------------------------
 
 ctest: packages $(BUILD)/build.ninja
-	cmake --build $(BUILD)
+	cmake --build $(BUILD) --target contact_tests
 	cd $(BUILD) && timeout --foreground -k 10 $(TIMEOUT) ctest --output-on-failure --no-tests=error </dev/null
 
 # One process prints (tests/conftest.py); a failure of any, or a hang, fails the target.
