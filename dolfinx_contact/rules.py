@@ -218,7 +218,14 @@ class Nodes:
         powers, coefficients, nodes = psi
         basis = _cpp.TraceBasis(nodes.shape[1], powers, coefficients)
         fine = _cpp.ParticleRule(*compat.quadrature(shape, 10))
-        return _cpp.lumped_weights(slave, basis, fine, axisymmetric)
+        out = _cpp.lumped_weights(slave, basis, fine, axisymmetric)
+        if out.size and out.min() <= 1e-12 * out.max():
+            raise InputError(
+                "Nodes: in axisymmetry a node of a pressure of degree 2 has no weight on the axis"
+                " (∫ ψ_a 2πR dΓ = 0), and the system would be singular. Use Simpson(n) or"
+                " Gauss(degree), or pressures of degree 1."
+            )
+        return out
 
 
 def _values(psi: Any, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -192,3 +192,21 @@ def test_three_blocks(cell, two_masters):
         assert np.allclose(pair.pressure.x.array, exact, rtol=1e-10, atol=0)
         sign = 1.0 if pair is pairs[1] or not two_masters else -1.0
         assert np.isclose(pair.resultant()[z], sign * exact, rtol=1e-10)
+
+
+def test_nodes_without_weight_on_the_axis():
+    """A nodal rule with pressures of degree 2 has a null row on the axis, and is refused."""
+    upper = meshes.grid((4, 2), (0, 0), (1, 1))
+    lower = meshes.grid((3, 2), (0, -1), (1, 0))
+    mesh, body = meshes.create(comm, [upper, lower], columns)
+    tags = meshes.tag_facets(mesh, {5: (near(1, 0), 0), 6: (near(1, 0), 1)}, body)
+    u, F = elastic(mesh, 2)
+    pair = dc.ContactPair(
+        dc.Surface(u, tags, 5),
+        dc.Surface(u, tags, 6),
+        integration=dc.Nodes(),
+        pressure_space=("Lagrange", 2),
+        axisymmetric=True,
+    )
+    with pytest.raises(dc.InputError, match="axis"):
+        dc.ContactProblem(F, u, [pair])
