@@ -168,20 +168,6 @@ def create_facet_mesh(
     return mesh, original_cells(mesh) - first
 
 
-def model_to_mesh(
-    model: Any, comm: MPI.Comm, rank: int = 0, gdim: int = 3
-) -> tuple[Any, Any, Any]:
-    """Mesh, cell tags and facet tags of a gmsh model that lives on one rank. Collective."""
-    try:
-        from dolfinx.io import gmsh as reader
-    except ImportError:
-        from dolfinx.io import gmshio as reader
-    data = reader.model_to_mesh(model, comm, rank, gdim=gdim)
-    if hasattr(data, "mesh"):
-        return data.mesh, data.cell_tags, data.facet_tags
-    return data[0], data[1], data[2]
-
-
 # -- function spaces and functions -----------------------------------------------------------
 
 
@@ -261,18 +247,6 @@ def global_indices(index_map: Any) -> npt.NDArray[np.int64]:
     """Global number of each local index, owned first, then ghosts."""
     owned = np.arange(*index_map.local_range, dtype=np.int64)
     return np.concatenate([owned, np.asarray(index_map.ghosts, dtype=np.int64)])
-
-
-def ghost_owners(index_map: Any) -> npt.NDArray[np.int32]:
-    """Rank that owns each ghost."""
-    owners = index_map.owners
-    return np.asarray(owners() if callable(owners) else owners, dtype=np.int32)
-
-
-def rank_ranges(comm: MPI.Comm, index_map: Any) -> npt.NDArray[np.int64]:
-    """First global index of each rank, then the total; shape (ranks + 1,). Collective."""
-    sizes = comm.allgather(int(index_map.size_local))
-    return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
 
 # -- forms ------------------------------------------------------------------------------------
