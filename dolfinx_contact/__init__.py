@@ -19,9 +19,10 @@ from . import meshes, plot
 from .errors import ContactError, ConvergenceError, InputError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
-from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, Smooth
+from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, SlaveNormal, Smooth
 from .strategy import Newton, Report
 from .surface import Surface
+from .tools import RigidPlane
 
 __version__ = "0.1.0"
 __all__ = [
@@ -37,8 +38,10 @@ __all__ = [
     "Particles",
     "Proximity",
     "Report",
+    "RigidPlane",
     "SeekDirection",
     "Simpson",
+    "SlaveNormal",
     "Smooth",
     "Surface",
     "meshes",

@@ -7,15 +7,17 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from . import _cpp, compat
 from .errors import ContactError, together
-from .held import agreed, excluded, multiplier_dofs
+from .friction import FrictionUnknowns
+from .held import agreed, excluded, local_dofs
 from .layout import Layout
 from .pair import ContactPair
-from .rules import SeekDirection
+from .rules import SeekDirection, SlaveNormal
 from .surface import Surface
 
 
@@ -73,47 +75,71 @@ class PairAssembly:
     Args:
         pair: the user's pair
         layout: numbering of the system
-        slave, master, multiplier: blocks of the two displacements and of λ in the layout
+        slave, master, multiplier: blocks of the two displacements and of λ in the layout; no master
+            for a rigid tool
+        friction: block of Λ; None without friction
     """
 
     def __init__(
-        self, pair: ContactPair, layout: Layout, slave: int, master: int, multiplier: int
+        self,
+        pair: ContactPair,
+        layout: Layout,
+        slave: int,
+        master: int | None,
+        multiplier: int,
+        friction: int | None,
     ):
         self.pair, self._layout = pair, layout
         self._comm, self._shape = pair.comm, getattr(_cpp.Shape, pair.slave.shape)
         self._slave_block, self._master_block = slave, master
-        self.multiplier_block = multiplier
+        self.multiplier_block, self.friction_block = multiplier, friction
         self._changed_since = np.inf  # how far nodes moved since the last exchange
-        self._held_master = layout.held_vector(master)
 
         own = _cpp_surface(pair.slave)
-        self._slave_values = NodeValues(pair.slave.u, own.node_table)
+        ringed = _cpp.with_ring(self._comm.py2f(), own)
+        self._slave_values = NodeValues(pair.slave.u, ringed.node_table)
         held = self._slave_values(layout.held_vector(slave))
-        slave_dofs = layout.node_dofs(slave, own.node_table, held)
+        slave_dofs = layout.node_dofs(slave, ringed.node_table, held)
+        self._own, self._ringed_slave = own, ringed
 
-        master_own = _cpp_surface(pair.master)
-        self._num_own = len(master_own)
-        self._ringed = _cpp.with_ring(self._comm.py2f(), master_own)
-        self._ringed_values = NodeValues(pair.master.u, self._ringed.node_table)
-
-        self._radius = self._search_radius(own, master_own)
-        sizes = np.concatenate([own.diameters(), master_own.diameters(), [0.0]])
-        largest = self._comm.allreduce(float(sizes.max()), op=MPI.MAX)
+        self._tool = pair.master if master is None else None
+        sizes = own.diameters()
+        if self._tool is None:
+            master_own = _cpp_surface(pair.master)
+            self._num_own = len(master_own)
+            self._ringed = _cpp.with_ring(self._comm.py2f(), master_own)
+            self._ringed_values = NodeValues(pair.master.u, self._ringed.node_table)
+            self._held_master = layout.held_vector(master)
+            sizes = np.concatenate([sizes, master_own.diameters()])
+            self._radius = self._search_radius(own, master_own)
+        else:
+            self._radius = self._search_radius(own)
+        largest = self._comm.allreduce(float(sizes.max(initial=0.0)), op=MPI.MAX)
         # exchanged facets stay sufficient while surfaces move by less than half the margin
         self._margin = max(largest, 0.1 * self._radius)
 
         with together(self._comm, "contact set-up"):
-            self.assembler = self._make(own, slave_dofs)
-        self._own = own
-        self._excluded = excluded(pair)
-        self.held = self._excluded.copy()
+            self.assembler = self._make(own, ringed, slave_dofs)
+        self._multiplier_nodes = local_dofs(pair, pair._multiplier, len(pair._psi[2]))
+        self._excluded = self._exclude(pair._multiplier, pair.pressure_space, pair._psi)
+        self._held = self._excluded.copy()
+        self._friction = None
+        if friction is not None:
+            self._friction = FrictionUnknowns(pair)
+            self._excluded_friction = self._exclude(
+                pair._semi_multiplier, pair.friction_space, pair._phi
+            )
+        self.remember()
 
-    def _search_radius(self, slave: Any, master: Any) -> float:
+    def _exclude(self, function: Any, space: Any, basis: Any) -> npt.NDArray[np.bool_]:
+        return excluded(self.pair, function, int(space[1]), len(basis[2]))
+
+    def _search_radius(self, *surfaces: Any) -> float:
         """d_max: the user's, or half the diagonal of the smaller surface's bounding box."""
         if self.pair.target.radius is not None:
             return float(self.pair.target.radius)
         diagonals = []
-        for surface in (slave, master):
+        for surface in surfaces:
             x = surface.X.reshape(-1, self.pair.slave.dim)
             lower, upper = x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)
             self._comm.Allreduce(MPI.IN_PLACE, lower, op=MPI.MIN)
@@ -121,52 +147,116 @@ class PairAssembly:
             diagonals.append(np.linalg.norm(upper - lower))
         return 0.5 * float(min(diagonals))
 
-    def _make(self, own: Any, slave_dofs: npt.NDArray[Any]) -> Any:
+    def _make(self, own: Any, ringed: Any, slave_dofs: npt.NDArray[Any]) -> Any:
         pair = self.pair
         weight = pair.integration.weights(
             own, pair.slave.shape, pair._rule, pair._psi, pair.axisymmetric
         )
-        powers, coefficients, points = pair._psi
-        directed = isinstance(pair.target, SeekDirection)
+        powers, coefficients, nodes = pair._psi
+        if pair.frictional:
+            nodes = np.concatenate([nodes, pair._phi[2]])
+        direction = np.zeros(0)
+        if isinstance(pair.target, SeekDirection):
+            X = _cpp.reference_positions(own, np.concatenate([pair._rule.points, nodes]))
+            direction = pair.target.at(X.reshape(-1, pair.slave.dim))
+        turning = isinstance(pair.target, SlaveNormal)
         kind = _cpp.Assembler2 if pair.slave.dim == 2 else _cpp.Assembler3
         return kind(
-            own,
+            ringed,
+            len(own),
             pair._rule,
             weight,
-            _cpp.TraceBasis(points.shape[1], powers, coefficients),
-            points,
+            _cpp.TraceBasis(nodes.shape[1], powers, coefficients),
+            nodes,
             getattr(_cpp.TargetRule, pair.target.kind),
             getattr(_cpp.NormalRule, pair.normals),
-            pair.target.unit if directed else np.zeros(pair.slave.dim),
+            direction,
+            turning,
+            turning and not pair.target.interpolated,
             self._radius,
             pair.target.end_tolerance,
             np.deg2rad(pair.crease),
             pair.augmented,
+            pair.slip == "convected",
             slave_dofs,
-            multiplier_dofs(pair),
+            self._multiplier_dofs(),
             self._layout.local_dofs(self.multiplier_block),
         )
 
+    def _multiplier_dofs(self) -> npt.NDArray[np.int32]:
+        return local_dofs(self.pair, self.pair._multiplier, len(self.pair._psi[2]))
+
     # -- at the start of a step -----------------------------------------------------------------
 
+    def remember(self) -> None:
+        """The present displacements are those of the last accepted step: slips start there."""
+        slave = compat.petsc_vec(self.pair.slave.u).copy()
+        master = None
+        if self._tool is None:
+            master = compat.petsc_vec(self.pair.master.u).copy()
+        else:
+            self._old_motion = self._tool.motion()
+        self._old = slave, master
+        self._tell_old()
+
+    def _tell_old(self) -> None:
+        """Give the assembler the old displacements. Collective."""
+        slave, master = self._old
+        if self._tool is not None:
+            self.assembler.remember(self._slave_values(slave), np.zeros(0))
+        elif np.isfinite(self._changed_since):  # there are master facets
+            self.assembler.remember(self._slave_values(slave), self._master_values(master))
+
     def hold(self) -> None:
-        """Hold the multipliers without a free gap at zero, and those the user excludes.
+        """Hold the multipliers without a free gap or slip at zero, and those the user excludes;
+        choose the tangents of friction.
 
         Needs the surfaces in place, thus one call of ``update`` before. Collective.
         """
+        pair = self.pair
         with together(self._comm, "contact set-up"):
-            fixed = self.assembler.fixed_multipliers()
-        self.held = self._excluded | agreed(self.pair, fixed, any_facet=False)
-        self.pair._multiplier.x.array[self.held] = 0.0
+            found, normal, free = self.assembler.nodes()
+        nl = len(pair._psi[2])
+        moves = (np.abs(normal) > 1e-8) & free
+        fixed = found[:, :nl] & ~moves[:, :nl].any(axis=2)
+        self._held = self._excluded | agreed(
+            pair._multiplier, self._multiplier_nodes, fixed, any_facet=False
+        )
+        pair._multiplier.x.array[self._held] = 0.0
         dofs = self._layout.local_dofs(self.multiplier_block)
-        self.assembler.set_multiplier_dofs(np.where(self.held, -1, dofs))
+        self.assembler.set_multiplier_dofs(np.where(self._held, -1, dofs))
+        if self._friction is not None:
+            self._choose_tangents(free[:, nl:])
         self.assembler.begin_step()
+
+    def _choose_tangents(self, free: npt.NDArray[np.bool_]) -> None:
+        pair, friction = self.pair, self._friction
+        powers, coefficients, nodes = pair._phi
+        continuous = pair.friction_space[0] not in ("DG", "Discontinuous Lagrange", "DP")
+        normals = self.assembler.slave_normals(nodes, continuous)
+        tangents = friction.choose(normals, free)
+        friction.held |= self._excluded_friction
+        pair._semi_multiplier.x.array[friction.held] = 0.0
+        dofs = self._layout.local_dofs(self.friction_block)
+        with together(self._comm, "contact set-up"):
+            self.assembler.set_friction(
+                _cpp.TraceBasis(nodes.shape[1], powers, coefficients),
+                friction.local,
+                np.where(friction.held, -1, dofs),
+                tangents,
+            )
 
     def held_rows(self) -> npt.NDArray[Any]:
         """System dofs of the held multipliers that this rank owns."""
-        size = self._layout.slice(self.multiplier_block)
-        dofs = self._layout.local_dofs(self.multiplier_block)
-        return dofs[: size.stop - size.start][self.held[: size.stop - size.start]]
+        rows = [self._owned(self.multiplier_block, self._held)]
+        if self._friction is not None:
+            rows.append(self._owned(self.friction_block, self._friction.held))
+        return np.concatenate(rows)
+
+    def _owned(self, block: int, which: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
+        size = self._layout.slice(block)
+        n = size.stop - size.start
+        return self._layout.local_dofs(block)[:n][which[:n]]
 
     # -- every iteration ------------------------------------------------------------------------
 
@@ -182,21 +272,36 @@ class PairAssembly:
         Raises:
             ContactError: on all ranks, if a displacement is not finite
         """
-        slave, ringed = self._slave_values(), self._ringed_values()
+        slave = self._slave_values()
+        ringed = self._ringed_values() if self._tool is None else np.zeros(0)
         with together(self._comm, "contact search"):
             if not (np.isfinite(slave).all() and np.isfinite(ringed).all()):
                 raise ContactError(
                     "the displacement of a contact surface is not finite (nan or inf); give u and"
                     " the Dirichlet conditions finite values before solve()"
                 )
-        self._exchange(slave, ringed)
-        master = self._master_values()
+        if self._tool is None:
+            self._exchange(slave, ringed)
+            master = self._master_values()
+        else:
+            master = np.zeros(0)
+            self._tool._place(self.assembler, self._old_motion)
+        friction = self.pair._semi_multiplier
         changes = 0
         with together(self._comm, "contact search"):
             changes = self.assembler.update(
-                slave, master, self.pair._multiplier.x.array, float(close)
+                slave,
+                master,
+                self.pair._multiplier.x.array,
+                float(close),
+                # before the first tangents there are none
+                np.zeros(0) if friction is None or not self._has_tangents else friction.x.array,
             )
         return self._comm.allreduce(changes)
+
+    @property
+    def _has_tangents(self) -> bool:
+        return self._friction is not None and self._friction.tangents is not None
 
     def _exchange(self, slave: npt.NDArray[Any], ringed: npt.NDArray[Any]) -> None:
         """Fetch the master's facets near this rank's slave facets, if anything has moved far."""
@@ -207,13 +312,13 @@ class PairAssembly:
         if farthest * np.sqrt(self.pair.slave.dim) <= 0.5 * self._margin:
             return
         with together(self._comm, "contact exchange"):
-            self._own.displace(slave)
+            self._ringed_slave.displace(slave)
             self._ringed.displace(ringed)
         master = _cpp.with_targets(
             self._comm.py2f(),
             self._ringed,
             self._num_own,
-            self._own.boxes(),
+            self._ringed_slave.boxes()[: len(self._own)],
             self._radius + self._margin,
         )
         self._master_values = NodeValues(self.pair.master.u, master.node_table)
@@ -222,6 +327,20 @@ class PairAssembly:
         with together(self._comm, "contact exchange"):
             self.assembler.set_master(master, dofs)
         self._at, self._changed_since = (slave, ringed), 0.0
+        self._tell_old()
+
+    # -- results --------------------------------------------------------------------------------
+
+    def nodal_friction(self, out: Any) -> None:
+        """Friction traction μ λ Λ at the nodes of the friction space, from the nodal values."""
+        pair = self.pair
+        pressure = fem.Function(compat.function_space(pair.slave.mesh, tuple(pair.friction_space)))
+        if tuple(pair.friction_space) == tuple(pair.pressure_space):
+            pressure.x.array[:] = pair._multiplier.x.array
+        else:
+            pressure.interpolate(pair._multiplier)
+        vectors = self._friction.vectors(pair._semi_multiplier.x.array)
+        out.x.array[:] = (pair.coefficient * pressure.x.array[:, None] * vectors).ravel()
 
     # -- scale ----------------------------------------------------------------------------------
 
@@ -237,8 +356,19 @@ class PairAssembly:
         vector = compat.petsc_vec(self.pair.slave.u).duplicate()
         vector.array[:] = diagonal[self._layout.slice(self._slave_block)]
         dim, own = self.pair.slave.dim, self._own
-        nodes = np.searchsorted(own.node_table, own.nodes)
+        nodes = np.searchsorted(self._ringed_slave.node_table, own.nodes)
         mean = self._slave_values(vector).reshape(-1, dim).mean(axis=1)[nodes].mean(axis=1)
         area = _cpp.particle_weights(own, _cpp.simpson(self._shape, 0), False).sum()
         sums = self._comm.allreduce(np.array([np.abs(mean).sum(), area]))
         return float(max(sums[0] / sums[1], np.finfo(float).tiny ** 0.25))
+
+    def facet_size(self) -> float:
+        """Mean diameter of the slave's facets [length]. Collective."""
+        d = self._own.diameters()
+        total, n = self._comm.allreduce(np.array([d.sum(), len(d)]))
+        return float(total / n)
+
+    def largest_pressure(self) -> float:
+        """Largest |λ| of the present multipliers [pressure]. Collective."""
+        values = np.abs(self.pair._multiplier.x.array)
+        return float(self._comm.allreduce(values.max(initial=0.0), op=MPI.MAX))

@@ -19,94 +19,132 @@ from .rules import (
     Proximity,
     SeekDirection,
     Simpson,
+    SlaveNormal,
     Smooth,
     check_determined,
 )
 from .surface import Surface, basis_polynomials, check_available, check_tags
+from .tools import RigidPlane
 
 
 class ContactPair:
-    """Two surfaces that may touch, without friction.
+    """Two surfaces that may touch, with Coulomb friction.
 
     The construction is collective. Multipliers live on the slave's facet mesh.
 
     Args:
         slave: carries the particles and the multipliers
-        master: carries the targets
-        target: Smooth(), Proximity() or SeekDirection(e)
-        normals: "interpolated" (F8), "facet" (F7) or "direction" (n = ±e, with SeekDirection
-            only); None: "interpolated" with Smooth, else "facet"
-        crease: angle in degrees; where facets of the master meet at a sharper edge in the reference
+        master: carries the targets: a Surface, or a rigid tool (RigidPlane)
+        friction: Coulomb's coefficient μ, ≥ 0
+        target: Smooth(), Proximity(), SeekDirection(e) or SlaveNormal()
+        normals: "interpolated" (F8), "facet" (F7) or "direction" (n = ±e, with SeekDirection and
+            SlaveNormal); None: "interpolated" with Smooth, "direction" with SlaveNormal, else
+            "facet"
+        crease: angle in degrees; where facets of a surface meet at a sharper edge in the reference
             configuration, their normals are not averaged
         integration: Simpson(n), Gauss(degree), Lobatto(points) or Nodes()
         pressure_space: family and degree of λ on the slave's facets: "Lagrange" 1 or 2, "DG" 0 to 2
+        friction_space: family and degree of the friction semi-multiplier Λ; None: those of the
+            pressure
         exclude: (facet_tags, tags): multipliers are held at zero on nodes of these facets of the
             slave's mesh. Nodes where Dirichlet conditions already fix the gap are found
             automatically
         axisymmetric: weigh the particles with 2πR, R = X_1 (2D only)
-        rho_n: augmentation parameter [pressure/length] in place of the automatic one
+        rho_n, rho_t: augmentation parameters [pressure/length, 1/length] in place of the automatic
+            ones
+        slip: measure of the slip in a step: "convected" with the master, which a rigid motion does
+            not change, or the paper's "increment" of the displacements
         initial_contact: open particles nearer to the master than this fraction of the facet's
             diameter start a step closed
         augmented: take χ g_n for χ λ in (F1)
 
     Raises:
         InputError: on all ranks, for arguments of another kind, surfaces of different dimension or
-            with common facets, a negative rho_n or initial_contact, a direction that does not fit
-            the space, a pressure space that facets cannot carry
+            with common facets, a negative friction, rho_n, rho_t or initial_contact, a direction
+            that does not fit the space, a pressure or friction space that facets cannot carry
 
     Attributes:
         slave, master: the surfaces
         pressure: nominal contact pressure, ≥ 0 in compression; Function on slave.mesh, of the last
             accepted solution
+        friction: nominal friction traction on the slave, a vector; likewise. None without friction
+        coefficient: μ
     """
 
     def __init__(
         self,
         slave: Surface,
-        master: Surface,
+        master: Surface | RigidPlane,
         *,
-        target: Smooth | Proximity | SeekDirection = Smooth(),
+        friction: float = 0.0,
+        target: Smooth | Proximity | SeekDirection | SlaveNormal = Smooth(),
         normals: str | None = None,
         integration: Simpson | Gauss | Lobatto | Nodes = Simpson(1),
         pressure_space: tuple[str, int] = ("Lagrange", 1),
+        friction_space: tuple[str, int] | None = None,
         exclude: tuple[Any, Any] | None = None,
         axisymmetric: bool = False,
         crease: float = 60.0,
         rho_n: float | None = None,
+        rho_t: float | None = None,
+        slip: str = "convected",
         initial_contact: float = 1e-3,
         augmented: bool = False,
     ):
         for name, surface in (("slave", slave), ("master", master)):
-            if not isinstance(surface, Surface):
+            tool = name == "master" and isinstance(surface, RigidPlane)
+            if not isinstance(surface, Surface) and not tool:
                 raise InputError(
-                    f"ContactPair: {name} is a {type(surface).__name__}; give a Surface."
+                    f"ContactPair: {name} is a {type(surface).__name__}; give a Surface"
+                    + (" or a rigid tool." if name == "master" else ".")
                 )
         self.slave, self.master = slave, master
         self.comm = slave.comm
         self.target, self.integration = target, integration
         if normals is None:
-            normals = "interpolated" if isinstance(target, Smooth) else "facet"
+            normals = {Smooth: "interpolated", SlaveNormal: "direction"}.get(type(target), "facet")
         self.normals, self.crease = normals, float(crease)
         self.pressure_space, self.axisymmetric = pressure_space, bool(axisymmetric)
-        self.rho_n, self.initial_contact = rho_n, float(initial_contact)
+        self.coefficient, self.slip = friction, slip
+        self.friction_space = pressure_space if friction_space is None else friction_space
+        self.rho_n, self.rho_t, self.initial_contact = rho_n, rho_t, float(initial_contact)
         self.augmented = bool(augmented)
         with together(self.comm, "ContactPair"):
             self._check()
-            self._psi = self._pressure_basis()
+            self._psi = self._basis("pressure_space")
+            self._phi = self._basis("friction_space")
             self._rule = integration.rule(slave.shape, self._psi)
             check_determined(integration, self._rule, self._psi)
+            if self.frictional:
+                check_determined(integration, self._rule, self._phi)
         self.exclude = None if exclude is None else self._check_exclude(exclude)
         V = compat.function_space(slave.mesh, tuple(pressure_space))
         self.pressure = fem.Function(V, name="pressure")
         self._multiplier = fem.Function(V, name="multiplier")
+        self.friction = self._semi_multiplier = None
+        if self.frictional:
+            space, mesh = tuple(self.friction_space), slave.mesh
+            self._semi_multiplier = fem.Function(
+                compat.function_space(mesh, space, None if slave.dim == 2 else 2),
+                name="semi-multiplier",
+            )
+            self.friction = fem.Function(
+                compat.function_space(mesh, space, slave.dim), name="friction"
+            )
         self._accepted: dict[str, Any] | None = None  # tables of the last accepted solution
+
+    @property
+    def frictional(self) -> bool:
+        """Whether there are friction unknowns."""
+        return self.coefficient > 0
 
     def _check(self) -> None:
         slave, master = self.slave, self.master
-        if not isinstance(self.target, (Smooth, Proximity, SeekDirection)):
+        rigid = isinstance(master, RigidPlane)
+        if not isinstance(self.target, (Smooth, Proximity, SeekDirection, SlaveNormal)):
             raise InputError(
-                f"ContactPair: target is {self.target!r}; give Smooth(), Proximity() or"
-                " SeekDirection(e)."
+                f"ContactPair: target is {self.target!r}; give Smooth(), Proximity(),"
+                " SeekDirection(e) or SlaveNormal()."
             )
         if not isinstance(self.integration, (Simpson, Gauss, Lobatto, Nodes)):
             raise InputError(
@@ -118,12 +156,11 @@ class ContactPair:
                 f"ContactPair: the slave is in {slave.dim} and the master in {master.dim}"
                 " dimensions; give surfaces of the same space."
             )
-        if slave.comm.size != master.comm.size:
+        if not rigid and slave.comm.size != master.comm.size:
             raise InputError(
                 "ContactPair: slave and master live on communicators of different size; make both"
                 " meshes on the same one."
             )
-        directed = isinstance(self.target, SeekDirection)
         fits = {
             "smooth": ("interpolated",),
             "proximity": ("facet", "interpolated"),
@@ -132,23 +169,37 @@ class ContactPair:
         if self.normals not in fits:
             raise InputError(
                 f"ContactPair: normals is {self.normals!r} with {type(self.target).__name__};"
-                ' "interpolated" goes with every target, "facet" with Proximity and'
-                ' SeekDirection, "direction" with SeekDirection; None picks what fits.'
+                ' "interpolated" goes with every target, "facet" with all but Smooth, "direction"'
+                " with SeekDirection and SlaveNormal; None picks what fits."
             )
         if not 0 < self.crease <= 180:
             raise InputError(
                 f"ContactPair: crease is {self.crease}; give an angle in degrees, above 0 and up to"
                 " 180."
             )
-        if directed and len(self.target.unit) != slave.dim:
+        direction = getattr(self.target, "direction", None)
+        if direction is not None and not callable(direction) and len(direction) != slave.dim:
             raise InputError(
-                f"ContactPair: the seek direction {self.target.direction!r} has"
-                f" {len(self.target.unit)} components in {slave.dim} dimensions."
+                f"ContactPair: the seek direction {direction!r} has {len(direction)} components in"
+                f" {slave.dim} dimensions."
             )
-        if self.rho_n is not None and not (np.isfinite(self.rho_n) and self.rho_n > 0):
+        for name, value, unit in (
+            ("rho_n", self.rho_n, "of pressure per length"),
+            ("rho_t", self.rho_t, "per length"),
+        ):
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(
+                    f"ContactPair: {name} is {value}; give a positive number {unit}, or None for"
+                    " the automatic one."
+                )
+        if not (np.isscalar(self.coefficient) and 0 <= self.coefficient < np.inf):
             raise InputError(
-                f"ContactPair: rho_n is {self.rho_n}; give a positive number of pressure per"
-                " length, or None for the automatic one."
+                f"ContactPair: friction is {self.coefficient!r}; give Coulomb's coefficient, a"
+                " finite number ≥ 0."
+            )
+        if self.slip not in ("convected", "increment"):
+            raise InputError(
+                f'ContactPair: slip is {self.slip!r}; give "convected" or "increment".'
             )
         if not self.initial_contact >= 0:
             raise InputError(
@@ -157,7 +208,7 @@ class ContactPair:
             )
         if self.axisymmetric and slave.dim != 2:
             raise InputError("ContactPair: axisymmetric pairs are two-dimensional (r, z).")
-        if slave.u.function_space.mesh is master.u.function_space.mesh:
+        if not rigid and slave.u.function_space.mesh is master.u.function_space.mesh:
             common = np.intersect1d(slave.id, master.id)
             if len(common) > 0:
                 raise InputError(
@@ -179,25 +230,29 @@ class ContactPair:
         check_available(self.comm, facet_tags, tags)
         return facet_tags, tags
 
-    def _pressure_basis(self) -> Any:
-        family, degree = self.pressure_space
+    def _basis(self, name: str) -> Any:
+        space = getattr(self, name)
         try:
+            family, degree = space
             if int(degree) != degree or not 0 <= degree <= 2:
                 raise InputError(f"degree {degree} is not one of 0, 1, 2")
             return basis_polynomials(self.slave.shape, degree, family)
-        except InputError as error:
+        except (InputError, TypeError, ValueError) as error:
             raise InputError(
-                f"ContactPair: pressure_space is {self.pressure_space!r} ({error}); the facets"
+                f"ContactPair: {name} is {space!r} ({error}); the facets"
                 ' carry ("Lagrange", 1), ("Lagrange", 2), ("DG", 0), ("DG", 1), ("DG", 2).'
             ) from None
 
     # -- results of the last accepted solution --------------------------------------------------
 
-    def _accept(self, assembler: Any) -> None:
+    def _accept(self, contact: Any) -> None:
         """Keep the present solution. A later solve that fails moves the assembler's surfaces, so
         that results must not be asked from it."""
+        assembler = contact.assembler
         self.pressure.x.array[:] = 0.0 - self._multiplier.x.array
-        self._accepted = {**assembler.particles(), "slave": assembler.slave.x}
+        if self.frictional:
+            contact.nodal_friction(self.friction)
+        self._accepted = {**assembler.particles(), "slave": assembler.slave.x[: assembler.own]}
 
     def _solved(self) -> dict[str, Any]:
         """Columns of the particles; "slave": current positions of the slave's position nodes."""
@@ -217,10 +272,26 @@ class ContactPair:
         table = self._solved()
         return self.comm.allreduce(table["weight"] @ table["traction"])
 
+    def friction_resultant(self) -> npt.NDArray[np.float64]:
+        """Friction's part of the resultant, (dim,) [force]. Collective."""
+        table = self._solved()
+        return self.comm.allreduce(table["weight"] @ _tangential(table))
+
+    def dissipated_energy(self) -> float:
+        """Energy that friction has dissipated in all accepted steps [energy]. Collective."""
+        table = self._solved()
+        return float(self.comm.allreduce(table["weight"] @ table["dissipated"]))
+
     def contact_area(self) -> float:
         """Reference area of the closed particles [area; length in 2D]. Collective."""
         table = self._solved()
         return float(self.comm.allreduce(table["weight"][table["closed"]].sum()))
+
+
+def _tangential(table: dict[str, Any]) -> npt.NDArray[np.float64]:
+    """Friction traction of each particle, (n, dim)."""
+    t, n = table["traction"], np.nan_to_num(table["normal"])
+    return t - n * np.sum(t * n, axis=1, keepdims=True)
 
 
 @dataclass
@@ -231,10 +302,13 @@ class Particles:
         reference, position: where the particle is, undeformed and now [length]
         gap: distance to the master along the normal, ≥ 0 when open, inf without a target [length]
         pressure: nominal contact pressure, ≥ 0 in compression [force/reference area]
-        status: "open" or "slip"
+        status: "open", "stick" or "slip"; without friction all that touch slip
+        slip: tangential slip in the last step, against the master; 0 if open [length]
         target: its target on the master's current surface, nan without one [length]
         normal: normal at the target, pointing away from the slave, nan without a target
-        traction: contact traction on the slave [force/reference area]
+        traction: contact traction on the slave, friction included [force/reference area]
+        friction: its tangential part
+        dissipated: by friction in all steps [energy/reference area]
         weight: its part of the slave's reference area [area]
         facet, target_facet: numbers of its facet and of its target's (−1: none), which do not
             depend on the partition
@@ -248,6 +322,9 @@ class Particles:
     target: npt.NDArray[np.float64]
     normal: npt.NDArray[np.float64]
     traction: npt.NDArray[np.float64]
+    friction: npt.NDArray[np.float64]
+    slip: npt.NDArray[np.float64]
+    dissipated: npt.NDArray[np.float64]
     weight: npt.NDArray[np.float64]
     facet: npt.NDArray[np.int64]
     target_facet: npt.NDArray[np.int64]
@@ -263,10 +340,13 @@ class Particles:
             position=table["x"],
             gap=table["gap"],
             pressure=pressure + 0.0,
-            status=np.where(closed, "slip", "open"),
+            status=np.select([~closed, table["rubs"] & ~table["slips"]], ["open", "stick"], "slip"),
             target=table["target"],
             normal=table["normal"],
             traction=table["traction"],
+            friction=_tangential(table),
+            slip=table["slip"],
+            dissipated=table["dissipated"],
             weight=table["weight"],
             facet=table["facet"],
             target_facet=table["target_facet"],

@@ -17,7 +17,7 @@ from .system import System, derivative
 
 
 class ContactProblem:
-    """Find u and the contact pressures: F(u; w) = 0 with contact on the pairs (F1), (F2).
+    """Find u, contact pressures and friction: F(u; w) = 0 with contact on the pairs (F1)–(F3).
 
     The construction is collective. It mirrors DOLFINx's NonlinearProblem.
 
@@ -107,7 +107,8 @@ class ContactProblem:
             raise error
         for pair, contact in zip(self.pairs, system.contacts):
             contact.assembler.accept()
-            pair._accept(contact.assembler)
+            pair._accept(contact)
+        system.accept()
         return report
 
     def _restore(self, before: Sequence[Any]) -> None:

@@ -8,7 +8,7 @@ européenne des éléments finis 11 (2002), sections 3 and 4 of the formulation.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Sequence
+from typing import Any, Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -67,38 +67,85 @@ class Proximity:
 
 @dataclass(frozen=True)
 class SeekDirection:
-    """Target on the line through the particle along a fixed direction e (F5).
+    """Target on the line through the particle along a given direction e (F5).
 
     Args:
         direction: e, as many numbers as the space has dimensions, not zero; its length and its sign
-            do not matter
+            do not matter. Or a function of the reference position X as DOLFINx's interpolate takes
+            it: from an array (3, n) to the directions (dim, n) of n points
         radius: largest distance along e [length]; by default as for Proximity
         end_tolerance: as for Proximity, seen along e
 
     Raises:
-        InputError: a zero or malformed direction, a radius that is not positive, or a negative
-            tolerance
+        InputError: a zero or malformed direction (of a function: when the problem is made), a
+            radius that is not positive, or a negative tolerance
     """
 
-    direction: Sequence[float]
+    direction: Sequence[float] | Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
     radius: float | None = None
     end_tolerance: float = 0.5
     kind = "direction"
 
     def __post_init__(self) -> None:
         _check_search(self)
+        if callable(self.direction):
+            return
         e = np.asarray(self.direction, dtype=float)
         if e.ndim != 1 or len(e) not in (2, 3) or not np.all(np.isfinite(e)) or not np.any(e):
             raise InputError(
                 f"SeekDirection: the direction is {self.direction!r}; give a vector of 2 or 3"
-                " numbers that is not zero."
+                " numbers that is not zero, or a function of X."
             )
 
-    @property
-    def unit(self) -> npt.NDArray[np.float64]:
-        """e/‖e‖."""
-        e = np.asarray(self.direction, dtype=float)
-        return e / np.linalg.norm(e)
+    def at(self, X: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Unit directions at reference positions X; both (n, dim).
+
+        Raises:
+            InputError: a function returns another shape, a zero or a value that is not finite
+        """
+        n, dim = X.shape
+        if not callable(self.direction):
+            e = np.tile(np.asarray(self.direction, dtype=float), (n, 1))
+        else:
+            padded = np.zeros((3, n))
+            padded[:dim] = X.T
+            e = np.asarray(self.direction(padded), dtype=float)
+            if e.shape != (dim, n):
+                raise InputError(
+                    f"SeekDirection: the function of X returned an array of shape {e.shape}; for"
+                    f" points of shape (3, {n}) it must return ({dim}, {n})."
+                )
+            e = e.T
+        length = np.linalg.norm(e, axis=1)
+        if not np.all(np.isfinite(length) & (length > 0)):
+            worst = X[np.argmin(np.where(np.isfinite(length), length, -1.0))]
+            raise InputError(
+                f"SeekDirection: the direction is zero or not finite at X = {worst.tolist()}; give"
+                " a direction that is defined on the whole slave surface."
+            )
+        return e / length[:, None]
+
+
+@dataclass(frozen=True)
+class SlaveNormal:
+    """Target on the line through the particle along the slave's own current normal (F5).
+
+    Args:
+        interpolated: take the slave's interpolated normal (F8), continuous along its surface; else
+            that of the particle's facet
+        radius, end_tolerance: as for SeekDirection
+
+    Raises:
+        InputError: a radius that is not positive, or a negative tolerance
+    """
+
+    interpolated: bool = True
+    radius: float | None = None
+    end_tolerance: float = 0.5
+    kind = "direction"
+
+    def __post_init__(self) -> None:
+        _check_search(self)
 
 
 def _check_search(rule: Any) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The monolithic system of a contact problem: unknowns, residual, matrix.
 
-Unknowns are the bulk's and, for each pair, λ/s with s the pair's scale [pressure/length]. The rows
-of (F2) are multiplied by s. All rows are then forces and the blocks are of one size, whatever the
-units of the user.
+Unknowns are the bulk's and, for each pair, λ/s and Λ/ρ_τ with s the pair's scale [pressure/length].
+The rows of (F2) are multiplied by s and those of (F3) by ρ_τ. All rows are then forces and the
+blocks are of one size, whatever the units of the user.
 """
 
 from __future__ import annotations
@@ -21,10 +21,14 @@ from .contact import PairAssembly
 from .errors import InputError, together
 from .layout import Layout
 from .pair import ContactPair
+from .tools import RigidPlane
 
-# ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
-# particles with a small gap inside a facet follow the pressure (formulation, section 7).
-_RHO_N = 1e-2
+# ρ_n, and ρ_τ μ p, in units of the stiffness per area of the slave surface. Well below 1, so that the
+# statuses of particles with a small gap or slip inside a facet follow the multipliers (formulation,
+# section 7).
+_RHO = 1e-2
+# ρ_τ times the facet's size is at most this: pressures may be tiny at the start of a step
+_MOST_RHO_T = 30.0
 
 
 class System:
@@ -52,19 +56,23 @@ class System:
         self.comm = u[0].function_space.mesh.comm
         self._F = [compat.form(f) for f in F]
         self._J = [[None if a is None else compat.form(a) for a in row] for row in J]
+        frictional = [pair for pair in pairs if pair.frictional]
         self.functions = self.u + [pair._multiplier for pair in pairs]
+        self.functions += [pair._semi_multiplier for pair in frictional]
         self.layout = Layout(self.comm, self.functions, bcs)
         self.contacts = [
             PairAssembly(
                 pair,
                 self.layout,
                 self._block_of(pair.slave.u),
-                self._block_of(pair.master.u),
+                None if isinstance(pair.master, RigidPlane) else self._block_of(pair.master.u),
                 len(self.u) + i,
+                len(self.u) + len(pairs) + frictional.index(pair) if pair.frictional else None,
             )
             for i, pair in enumerate(pairs)
         ]
-        self.scale = [1.0] * len(pairs)
+        self.scale = [1.0] * len(self.functions)  # units of the unknowns
+        self._stiffness = [1.0] * len(pairs)
         self.reference_force = 0.0
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
         self.status_changes = 0
@@ -92,23 +100,20 @@ class System:
         """Fill x from the Functions."""
         for block, f in enumerate(self.functions):
             part = self.layout.slice(block)
-            self.x.array[part] = f.x.array[: part.stop - part.start] / self._scale_of(block)
+            self.x.array[part] = f.x.array[: part.stop - part.start] / self.scale[block]
 
     def write(self, x: Any) -> None:
         """Fill the Functions from x, ghosts included. Collective."""
         values = x.array_r
         for block, f in enumerate(self.functions):
             part = self.layout.slice(block)
-            f.x.array[: part.stop - part.start] = values[part] * self._scale_of(block)
+            f.x.array[: part.stop - part.start] = values[part] * self.scale[block]
             f.x.scatter_forward()
-
-    def _scale_of(self, block: int) -> float:
-        return 1.0 if block < len(self.u) else self.scale[block - len(self.u)]
 
     # -- residual -------------------------------------------------------------------------------
 
     def residual(self, x: Any, b: Any, close: bool = False) -> None:
-        """b = residual of (F1) and (F2) at x. Collective.
+        """b = residual of (F1)–(F3) at x. Collective.
 
         Where x does not meet a Dirichlet value yet, the bulk is lifted as in DOLFINx and contact
         sees the bodies with the value imposed.
@@ -254,32 +259,49 @@ class System:
             u.x.array[:] = values
         if self.A is None:
             self.create_matrix()
+        self._choose_parameters()
         self.read()
 
+    def accept(self) -> None:
+        """The present displacements are a solution: slips of the next step start from there."""
+        for contact in self.contacts:
+            contact.remember()
+
     def create_matrix(self) -> None:
-        """Make the matrix for the present targets, and choose scales and ρ_n."""
+        """Make the matrix for the present targets, and find how stiff the bodies are."""
         n = self.layout.owned
         self.A = PETSc.Mat().create(self.comm)
         self.A.setSizes(((n, None), (n, None)))
         self.A.setType("aij")
         self._allocate(self.A)
-        self._choose_parameters()
-
-    def _choose_parameters(self) -> None:
-        """Stiffness of the slave surface per area, from the bulk's diagonal [pressure/length].
-
-        A node's diagonal (about E h^{d−2}) over its tributary area (about h^{d−1}) is of the order
-        of E/h: averaged over the surface it scales λ, and ρ_n is a fraction of it.
-        """
         diagonal = self.A.getDiagonal().array_r  # of the bulk: _allocate has added nothing else
         x = max(float(np.abs(u.function_space.mesh.geometry.x).max(initial=0)) for u in self.u)
         sizes = np.array([np.abs(diagonal).max(initial=0), x])
         self.comm.Allreduce(MPI.IN_PLACE, sizes, op=MPI.MAX)
         self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
-        for i, (pair, contact) in enumerate(zip(self.pairs, self.contacts)):
-            stiffness = contact.stiffness(diagonal)
-            self.scale[i] = stiffness
-            contact.assembler.set_parameters(pair.rho_n or _RHO_N * stiffness, stiffness)
+        self._stiffness = [contact.stiffness(diagonal) for contact in self.contacts]
+
+    def _choose_parameters(self) -> None:
+        """Scales and augmentation parameters of a step.
+
+        λ is scaled by the stiffness of the slave surface per area [pressure/length], and ρ_n is a
+        fraction of it. ρ_τ is chosen so that ρ_τ μ p is the same fraction, with p the largest
+        pressure at the start of the step; κ = μ p/ρ_τ (formulation, section 1).
+        """
+        for pair, contact, stiffness in zip(self.pairs, self.contacts, self._stiffness):
+            rho_n = pair.rho_n or _RHO * stiffness
+            self.scale[contact.multiplier_block] = stiffness
+            if not pair.frictional:
+                contact.assembler.set_parameters(rho_n, stiffness)
+                continue
+            size, p = contact.facet_size(), contact.largest_pressure()
+            p = p or 1e-6 * stiffness * size
+            mu = max(pair.coefficient, 0.1)
+            rho_t = pair.rho_t or min(_RHO * stiffness / (mu * p), _MOST_RHO_T / size)
+            self.scale[contact.friction_block] = rho_t
+            contact.assembler.set_parameters(
+                rho_n, stiffness, pair.coefficient, rho_t, rho_t, mu * p / rho_t, 1e-12 * p
+            )
 
 
 def _add_diagonal(A: Any, rows: npt.NDArray[Any], value: float) -> None:

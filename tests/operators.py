@@ -26,11 +26,20 @@ SLAVE, MASTER = 5, 6  # tags
 HELD = 0.004  # Dirichlet value of every component
 GAP = 0.1  # distance of the bodies in the reference configuration
 RHO, SCALE = 12.0, 1.7  # ρ_n and scale of λ; E and |λ| are about 1, so all blocks are about equal
+MU, RHO_T, FRICTION_SCALE, KAPPA = 0.4, 30.0, 1.3, 0.05  # the same for friction
+PARAMETERS = (RHO, SCALE, MU, RHO_T, FRICTION_SCALE, KAPPA)
 
 # target, normals; the direction is oblique, so that it is nobody's normal
 OBLIQUE = {2: (0.2, 1.0), 3: (0.2, -0.1, 1.0)}
 TARGETS = ("proximity-facet", "direction-facet", "direction-direction")
 INTERPOLATED = ("smooth-interpolated", "proximity-interpolated", "direction-interpolated")
+TURNING = (  # e depends on X, or turns with the slave
+    "varying-direction",
+    "slave-direction",
+    "slave-interpolated",
+    "slavefacet-direction",
+    "slavefacet-facet",
+)
 
 
 def target_of(name, dim, **options):
@@ -40,7 +49,17 @@ def target_of(name, dim, **options):
         return {"target": dc.Smooth(**options), "normals": normals}
     if kind == "proximity":
         return {"target": dc.Proximity(**options), "normals": normals}
+    if kind == "varying":
+        return {"target": dc.SeekDirection(varying, **options), "normals": normals}
+    if kind in ("slave", "slavefacet"):
+        return {"target": dc.SlaveNormal(kind == "slave", **options), "normals": normals}
     return {"target": dc.SeekDirection(OBLIQUE[dim], **options), "normals": normals}
+
+
+def varying(x):
+    """A direction that depends on X."""
+    e = [0.2 + 0.3 * np.sin(4 * x[0]), np.full_like(x[0], 0.1) * x[1], np.ones_like(x[0])]
+    return np.array(e if np.any(x[2]) else [e[0], e[2]])
 
 
 # -- the bodies -----------------------------------------------------------------------------------
@@ -313,7 +332,8 @@ class Case:
 
     Attributes:
         x: canonical vector of the state; it meets the Dirichlet conditions
-        slave: whether each unknown is of the slave body's displacement; likewise master, multiplier
+        slave: whether each unknown is of the slave body's displacement; likewise master,
+            multiplier, friction
         held: whether a Dirichlet condition holds each unknown
     """
 
@@ -324,6 +344,7 @@ class Case:
     slave: np.ndarray
     master: np.ndarray
     multiplier: np.ndarray
+    friction: np.ndarray
     held: np.ndarray
 
     @property
@@ -397,26 +418,35 @@ def case(m, target, rule, configuration, *, search=None, **options):
     x = np.empty(len(numbering))
     u = displacement(numbering.points, slave, configuration, m.dim)
     x[bulk] = np.take_along_axis(u, numbering.component[:, None] % m.dim, axis=1)[bulk, 0]
-    x[~bulk] = pressure(numbering.points[~bulk]) / SCALE
+    multiplier, friction = (numbering.block == len(m.u) + i for i in range(2))
+    x[multiplier] = pressure(numbering.points[multiplier]) / SCALE
+    points = np.round(numbering.points[friction], 9)
+    phase = points @ [31.0, 17.0, 0.0] + 1.7 * numbering.component[friction]
+    x[friction] = 1.2 * np.sin(phase) / FRICTION_SCALE
     held = np.zeros(len(numbering), dtype=bool)
     rows = np.concatenate(numbering.comm.allgather(system.layout.held_rows()))
     held[numbering.position[rows]] = True
     x[held] = HELD
-    made = Case(system, pair, numbering, x, slave, bulk & ~slave, ~bulk, held)
-    system.scale[0] = SCALE
+    made = Case(system, pair, numbering, x, slave, bulk & ~slave, multiplier, friction, held)
+    system.scale[len(m.u)] = SCALE
+    if friction.any():
+        # the last accepted step: turned a little less, and the slave elsewhere
+        wave = np.round(numbering.points, 9) @ [23.0, 19.0, 0.0] + 2.1 * numbering.component
+        system.write(made.vector(np.where(bulk, 0.99 * x, x) + 0.029 * slave * np.sin(wave)))
+        made.contact.remember()
+        system.write(made.vector(x))
+        made.contact.update()
+        made.contact.hold()
+        system.scale[len(m.u) + 1] = FRICTION_SCALE
+    made.contact.assembler.set_parameters(*PARAMETERS)
     made.residual()
     system.create_matrix()
-    system.scale[0] = SCALE
-    made.contact.assembler.set_parameters(RHO, SCALE)
     made.residual()
     return made
 
 
-def overshoot(table, target, dim):
+def overshoot(table, target):
     """Part of x¹ − x² that the rule would make zero on a free target: 0 unless clamped; (n,)."""
     r = table["x"] - table["target"]
-    if target.startswith("proximity"):
-        m = table["normal"]
-    else:
-        m = np.array(OBLIQUE[dim]) / np.linalg.norm(OBLIQUE[dim])
+    m = table["normal" if target.split("-")[0] in ("proximity", "smooth") else "direction"]
     return np.linalg.norm(r - np.sum(r * m, axis=1, keepdims=True) * m, axis=1)

@@ -11,13 +11,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpi4py import MPI
-from operators import CELLS, DIM, INTERPOLATED, RHO, SCALE, case, model, overshoot
+from operators import CELLS, DIM, INTERPOLATED, MU, PARAMETERS, TURNING, case, model, overshoot
 from operators import TARGETS as FIXED_NORMALS
 
 import dolfinx_contact as dc
 
-TARGETS = (*FIXED_NORMALS, *INTERPOLATED)
-PARAMETERS = RHO, SCALE  # of every case
+TARGETS = (*FIXED_NORMALS, *INTERPOLATED, *TURNING)
 RULES = {"Nodes": dc.Nodes(), "Simpson": dc.Simpson(1), "Gauss": dc.Gauss(3)}
 
 # Step of the differences, in bodies of size 1. Truncation is about (step / length)² with the
@@ -30,14 +29,14 @@ TOLERANCE = 1e-7  # relative, an order above the two
 def directions(c, seed=3):
     """One random direction in each block; canonical, thus the same on every partition."""
     values = np.random.default_rng(seed).normal(size=len(c.x)) * ~c.held
-    return [values * part for part in (c.slave, c.master, c.multiplier)]
+    return [values * part for part in (c.slave, c.master, c.multiplier, c.friction) if part.any()]
 
 
 def snapshot(c, target):
     """Statuses, target facets and clamping of this rank's particles."""
     table = c.contact.assembler.particles()
-    clamped = overshoot(table, target, c.pair.slave.dim) > 1e-8
-    return np.stack([table["closed"], table["target_facet"], clamped])
+    clamped = overshoot(table, target) > 1e-8
+    return np.stack([table["closed"], table["target_facet"], clamped, table["slips"]])
 
 
 def differences(c, target, d):
@@ -61,7 +60,9 @@ def assert_derivative(c, target):
     for d in directions(c):
         for matrix, difference in zip((whole, contact), differences(c, target, d)):
             product = matrix @ d
-            for rows in (c.slave, c.master, c.multiplier):
+            for rows in (c.slave, c.master, c.multiplier, c.friction):
+                if not rows.any():
+                    continue
                 error = np.linalg.norm((product - difference)[rows])
                 # blocks may vanish (λ with λ where all are closed): then relative to the others
                 size = max(np.linalg.norm(product[rows]), 1e-2 * np.linalg.norm(product))
@@ -76,7 +77,7 @@ def assert_telling(c, target, clamped=False):
     closed, has_target = table["closed"], table["target_facet"] >= 0
     assert closed.any() and (~closed & has_target).any()
     assert np.all(table["target_facet"][closed] >= 0)
-    held = overshoot(table, target, c.pair.slave.dim) > 1e-3
+    held = overshoot(table, target) > 1e-3
     assert not clamped or (closed & held).any()
 
 
@@ -186,7 +187,7 @@ def matrix_of_new_system(c, m, target, rule, x):
     other.system.A = None
     other.residual(x)
     other.system.create_matrix()
-    other.system.scale[0] = c.system.scale[0]
+    other.system.scale[:] = c.system.scale
     other.contact.assembler.set_parameters(*PARAMETERS)
     return other.matrix(x)
 
@@ -221,3 +222,59 @@ def test_sliding_far(cell, target, partition, record_property):
     difference = np.abs(slid - new).max() / np.abs(new).max()
     assert difference < 1e-13
     record_property("worst", difference)
+
+
+# -- friction ---------------------------------------------------------------------------------------
+
+
+def assert_rubbing(c):
+    """Particles stick, slip and are open."""
+    table = c.particles()
+    assert table["slips"].any() and (table["rubs"] & ~table["slips"]).any()
+    assert (~table["closed"]).any()
+
+
+@pytest.mark.parametrize("configuration", CONFIGURATIONS)
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("cell", CELLS)
+def test_friction(cell, target, configuration, record_property):
+    c = case(
+        model(cell, CONFIGURATIONS[configuration]), target, dc.Simpson(1), configuration, friction=MU
+    )
+    assert_telling(c, target, clamped=configuration == "clamped")
+    assert_rubbing(c)
+    record_property("worst", assert_derivative(c, target))
+
+
+@pytest.mark.parametrize(
+    "options",
+    (
+        {"augmented": True},
+        {"slip": "increment"},
+        {"friction_space": ("DG", 0)},
+        {"pressure_space": ("Lagrange", 2), "friction_space": ("Lagrange", 1)},
+    ),
+    ids=("augmented", "increment", "DG0", "spaces"),
+)
+@pytest.mark.parametrize("cell", ("quadrilateral", "tetrahedron"))
+def test_friction_variants(cell, options, record_property):
+    target = "smooth-interpolated"
+    c = case(model(cell, "columns"), target, dc.Gauss(4), "clamped", friction=MU, **options)
+    assert_rubbing(c)
+    record_property("worst", assert_derivative(c, target))
+
+
+@pytest.mark.parametrize("target", ("smooth-interpolated", "proximity-facet", "slave-direction"))
+@pytest.mark.parametrize("cell", CELLS)
+def test_friction_degree_two(cell, target, record_property):
+    m = model(
+        cell,
+        "columns",
+        degree=2,
+        geometry_degree=2,
+        counts=((2, 1), (3, 1)) if DIM[cell] == 2 else ((2, 1, 1), (2, 2, 1)),
+        bulk="springs",
+    )
+    c = case(m, target, dc.Gauss(4), "sliding", friction=MU)
+    assert_rubbing(c)
+    record_property("worst", assert_derivative(c, target))

@@ -1,33 +1,35 @@
 // SPDX-License-Identifier: MIT
 #include "assembler.h"
 
-#include "petsc_check.h"
-
 #include <algorithm>
-#include <array>
 #include <stdexcept>
-#include <unordered_map>
 
 namespace dolfinx_contact
 {
 
 template <int D>
-Assembler<D>::Assembler(Surface slave, Particles particles, PairOptions<D> options,
+Assembler<D>::Assembler(Surface slave, int own, Particles particles, PairOptions<D> options,
                         std::vector<PetscInt> slave_dofs,
                         std::vector<std::int32_t> multiplier_local,
                         std::vector<PetscInt> multiplier_dofs)
     : _slave(std::move(slave))
+    , _own(own)
     , _particles(std::move(particles))
     , _options(options)
     , _slave_dofs(std::move(slave_dofs))
     , _multiplier_dofs(std::move(multiplier_dofs))
     , _multiplier_local(std::move(multiplier_local))
+    , _slave_normals(_slave, _options.crease)
 {
-  const std::size_t n = _slave.size(), np = _particles.rule.size();
-  const std::size_t nl = _particles.multiplier.nodes();
-  if (_slave_dofs.size() != _slave.node_table.size() * D or _multiplier_local.size() != n * nl
-      or _particles.weight.size() != n * np)
+  const std::size_t n = _own, np = _particles.rule.size();
+  const std::size_t nl = _particles.multiplier.nodes(), nd = _particles.direction.size();
+  const bool directed
+      = _options.rules.target == TargetRule::direction and not _options.rules.turning;
+  if (_own > _slave.size() or _slave_dofs.size() != _slave.node_table.size() * D
+      or _multiplier_local.size() != n * nl or _particles.weight.size() != n * np
+      or nd != (directed ? n * (np + num_nodes()) * D : 0))
     throw std::invalid_argument("Assembler: tables of the slave surface do not match");
+  _options.search.rule = _options.rules.target;
   // interpolated normals do not jump at junctions: keeping the former facet would only make the
   // result depend on the path, and break symmetry
   if (interpolated())
@@ -44,6 +46,37 @@ Assembler<D>::Assembler(Surface slave, Particles particles, PairOptions<D> optio
     _slave.ref.displacement.tabulate(xi, _displacement[p]);
     _particles.multiplier.values(xi, &_psi[p * nl]);
   }
+}
+
+template <int D>
+void Assembler<D>::set_friction(FrictionSpace<D> friction)
+{
+  const std::size_t np = _particles.rule.size(), nf = friction.nodes(), Q = D - 1;
+  if (friction.local.size() != _own * nf or friction.tangent.size() != friction.dofs.size()
+      or std::any_of(friction.local.begin(), friction.local.end(),
+                     [&](std::int32_t a) { return a < 0 or (a + 1) * Q > friction.dofs.size(); }))
+    throw std::invalid_argument("Assembler: tables of the friction space do not match");
+  _friction = std::move(friction);
+  _phi.resize(np * nf);
+  for (std::size_t p = 0; p < np; ++p)
+    if (nf > 0)
+      _friction.basis.values(&_particles.rule.points[p * Q], &_phi[p * nf]);
+}
+
+template <int D>
+void Assembler<D>::remember(std::span<const double> u_slave, std::span<const double> u_master)
+{
+  _slave.remember(u_slave);
+  _master.remember(u_master);
+}
+
+template <int D>
+void Assembler<D>::accept()
+{
+  for (State& s : _states)
+    if (const Friction<D> f = friction_at(s); f.acts)
+      s.dissipated -= _options.law.friction * s.lambda * f.p.dot(s.slip);
+  _accepted = _states;
 }
 
 // Find the targets' facets again by their global numbers; both lists of facets are sorted by them.
@@ -99,61 +132,143 @@ void Assembler<D>::neighbours()
   }
 }
 
+// A particle, or a node of ψ, in search of its target.
 template <int D>
-int Assembler<D>::update(std::span<const double> u_slave, std::span<const double> u_master,
-                         std::span<const double> lambda, double close)
+Seeker<D> Assembler<D>::seeker(int f, const BasisValues& position, const double* xi,
+                               int point) const
 {
-  if (lambda.size() != _multiplier_dofs.size())
-    throw std::invalid_argument("Assembler.update: one multiplier for each local dof is needed");
-  _slave.displace(u_slave);
-  _master.displace(u_master);
-  _search.refit(_master);
-  if (interpolated())
-    _normals.update(_master);
+  const FacetPoint<D> p = evaluate<D>(_slave.facet_x(f), _slave.np(), position, false);
+  Seeker<D> out;
+  out.x = p.x;
+  out.outward = -double(_slave.sigma[f]) * p.area_vector().normalized();
+  const int points = _particles.rule.size() + num_nodes();
+  if (turns_smoothly())
+    out.e = -_slave_normals.at(_slave, f, xi).M.normalized();
+  else if (_options.rules.turning)
+    out.e = out.outward;
+  else if (not _particles.direction.empty())
+    out.e = Eigen::Map<const Vector<D>>(
+        &_particles.direction[(static_cast<std::size_t>(f) * points + point) * D]);
+  return out;
+}
+
+// Target, normal and gap of a particle.
+template <int D>
+void Assembler<D>::seek(const Seeker<D>& seeker, State& s) const
+{
+  s.x = seeker.x;
+  s.e = seeker.e;
+  s.gap = -INFINITY;
+  Kinematics<D> k;
+  if (_tool)
+  {
+    _tool->place(s.x, k);
+    s.target.facet
+        = k.n.dot(seeker.outward) >= 0 and std::abs(k.gap) <= _options.search.radius ? 0 : -1;
+    if (s.target.facet < 0)
+      return;
+  }
+  else
+  {
+    s.target = _search.find(_master, seeker, s.target, normals());
+    if (s.target.facet < 0)
+      return;
+    NormalField<D> field;
+    if (interpolated())
+      field = _normals.at(_master, s.target.facet, s.target.xi.data());
+    dolfinx_contact::place<D>(_master, s.target, s.x,
+                              FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false),
+                              _options.rules.normal, s.e, k, &field);
+  }
+  s.gap = k.gap;
+  s.n = k.n;
+}
+
+template <int D>
+int Assembler<D>::update(const Unknowns& u, double close)
+{
+  if (u.lambda.size() != _multiplier_dofs.size() or u.Lambda.size() != _friction.dofs.size())
+    throw std::invalid_argument("Assembler.update: one value for each local multiplier is needed");
+  _slave.displace(u.slave);
+  _slave_normals.update(_slave);
+  if (not _tool)
+  {
+    _master.displace(u.master);
+    _search.refit(_master);
+    if (interpolated())
+      _normals.update(_master);
+  }
 
   const int np = _particles.rule.size(), nl = _particles.multiplier.nodes();
+  const int nf = _friction.nodes(), Q = D - 1;
   int changes = 0;
-  for (int f = 0; f < _slave.size(); ++f)
+  for (int f = 0; f < _own; ++f)
   {
     const double near = close >= 0 ? -close * _slave.diameter(f) : INFINITY;
     for (int p = 0; p < np; ++p)
     {
       State& s = _states[f * np + p];
-      const FacetPoint<D> point = evaluate<D>(_slave.facet_x(f), _slave.np(), _position[p], false);
-      s.x = point.x;
-      const Vector<D> outward = -double(_slave.sigma[f]) * point.area_vector().normalized();
       s.lambda = 0;
       for (int a = 0; a < nl; ++a)
-        s.lambda += _psi[p * nl + a] * lambda[_multiplier_local[f * nl + a]];
+        s.lambda += _psi[p * nl + a] * u.lambda[_multiplier_local[f * nl + a]];
+      s.Lambda.setZero();
+      for (int a = 0; a < nf; ++a)
+        for (int i = 0; i < Q; ++i)
+        {
+          const int dof = _friction.local[f * nf + a] * Q + i;
+          s.Lambda += _phi[p * nf + a] * u.Lambda[dof] * _friction.tangent[dof];
+        }
 
-      s.target = _search.find(_master, s.x, outward, s.target, normals());
-      place(s);
+      seek(seeker(f, _position[p], &_particles.rule.points[p * Q], p), s);
       const bool was = s.closed;
       s.closed = closed(_options.law, s.lambda, s.gap) or (std::isfinite(s.gap) and s.gap > near);
       s.changes += was != s.closed;
       changes += was != s.closed;
+
+      s.slip.setZero();
+      if (nf > 0 and s.closed)
+      {
+        BasisValues b;
+        if (not _tool)
+          _master.ref.position.tabulate(s.target.xi.data(), b, true);
+        s.slip = kinematics(s, f, p, b).slip;
+      }
+      s.slips = friction_at(s).slips;
     }
   }
   return changes;
 }
 
-// Gap and normal of a particle at its target.
 template <int D>
-void Assembler<D>::place(State& s) const
+Vector<D> Assembler<D>::old_position(int f, int particle) const
 {
-  s.gap = -INFINITY;
-  if (s.target.facet < 0)
-    return;
-  const double* xi = s.target.xi.data();
+  return evaluate<D>(_slave.facet_x_old(f), _slave.np(), _position[particle], false).x;
+}
+
+// All variations of a closed particle's target.
+// @param b basis of the master's positions at the target, with second derivatives
+template <int D>
+Kinematics<D> Assembler<D>::kinematics(const State& s, int f, int particle,
+                                       const BasisValues& b) const
+{
+  const bool rubbing = _friction.nodes() > 0;
+  const Vector<D> x1_old = rubbing ? old_position(f, particle) : s.x;
+  if (_tool)
+    return _tool->linearise(s.x, x1_old);
+  const int t = s.target.facet, np = _master.np();
+  const FacetPoint<D> p = evaluate<D>(_master.facet_x(t), np, b, true);
   NormalField<D> field;
   if (interpolated())
-    field = _normals.at(_master, s.target.facet, xi);
-  Kinematics<D> k;
-  dolfinx_contact::place<D>(_master, s.target, s.x,
-                            FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false),
-                            _options.normals, _options.search.direction, k, &field);
-  s.gap = k.gap;
-  s.n = k.n;
+    field = _normals.at(_master, t, s.target.xi.data());
+  Slip<D> slip;
+  if (rubbing)
+  {
+    const FacetPoint<D> old = evaluate<D>(_master.facet_x_old(t), np, b, true);
+    const auto measure = _options.convected ? Slip<D>::convected : Slip<D>::increment;
+    slip = measure(p, old, s.x - p.x, x1_old - old.x);
+  }
+  return linearise<D>(_master, s.target, s.x, p, _options.rules, s.e, &field,
+                      rubbing ? &slip : nullptr);
 }
 
 template <int D>
@@ -165,273 +280,38 @@ void Assembler<D>::set_multiplier_dofs(std::vector<PetscInt> dofs)
 }
 
 template <int D>
-std::vector<std::uint8_t> Assembler<D>::fixed_multipliers() const
+auto Assembler<D>::nodes() const -> std::vector<Node>
 {
-  const int nl = _particles.multiplier.nodes();
-  std::vector<std::uint8_t> fixed(static_cast<std::size_t>(_slave.size()) * nl, 0);
-  constexpr double none = 1e-8; // a basis value or a component of the normal that counts as zero
-
-  // no node of facet f with N_a(ξ) ≠ 0 is free to move along n
-  auto held = [&](const Surface& s, int f, const std::vector<PetscInt>& dofs, const double* xi,
-                  const Vector<D>& n)
+  // component i of some node of facet f with N_a(ξ) ≠ 0 is free
+  auto may_move = [](const Surface& s, int f, const std::vector<PetscInt>& dofs, const double* xi,
+                     std::array<bool, D>& out)
   {
     double N[BasisValues::max_nodes];
     s.ref.displacement.values(xi, N);
     for (int a = 0; a < s.nu(); ++a)
       for (int i = 0; i < D; ++i)
-        if (std::abs(N[a]) > none and std::abs(n[i]) > none
-            and dofs[s.local[f * s.nu() + a] * D + i] >= 0)
-          return false;
-    return true;
+        out[i] = out[i] or (std::abs(N[a]) > 1e-8 and dofs[s.local[f * s.nu() + a] * D + i] >= 0);
   };
 
-  for (int f = 0; f < _slave.size(); ++f)
-    for (int a = 0; a < nl; ++a)
+  std::vector<Node> out;
+  for (int f = 0; f < _own; ++f)
+    for (int a = 0; a < num_nodes(); ++a)
     {
       const double* xi = &_particles.nodes[a * (D - 1)];
       BasisValues b;
       _slave.ref.position.tabulate(xi, b);
-      const FacetPoint<D> point = evaluate<D>(_slave.facet_x(f), _slave.np(), b, false);
-      const Vector<D> outward = -double(_slave.sigma[f]) * point.area_vector().normalized();
       State there;
-      there.x = point.x;
-      there.target = _search.find(_master, point.x, outward, {}, normals());
-      place(there);
-      if (there.target.facet < 0) // open: its row is regular
-        continue;
-      fixed[f * nl + a]
-          = held(_slave, f, _slave_dofs, xi, there.n)
-            and held(_master, there.target.facet, _master_dofs, there.target.xi.data(), there.n);
+      seek(seeker(f, b, xi, _particles.rule.size() + a), there);
+      Node node;
+      node.has_target = there.target.facet >= 0;
+      node.n = there.n;
+      may_move(_slave, f, _slave_dofs, xi, node.free_to_move);
+      if (node.has_target and not _tool)
+        may_move(_master, there.target.facet, _master_dofs, there.target.xi.data(),
+                 node.free_to_move);
+      out.push_back(node);
     }
-  return fixed;
-}
-
-template <int D>
-CouplingBasis Assembler<D>::basis(int particle) const
-{
-  CouplingBasis b;
-  b.N = _displacement[particle].N;
-  b.psi = &_psi[particle * _particles.multiplier.nodes()];
-  b.slave = _slave.nu();
-  b.multiplier = _particles.multiplier.nodes();
-  return b;
-}
-
-// System dofs of a pair, in the order of the coupling: slave, multiplier, master (if any).
-template <int D>
-void Assembler<D>::dofs_of(int facet, int target, std::vector<PetscInt>& dofs) const
-{
-  dofs.clear();
-  auto add_nodes = [&](const Surface& s, int f, const std::vector<PetscInt>& table)
-  {
-    for (int a = 0; a < s.nu(); ++a)
-      for (int i = 0; i < D; ++i)
-        dofs.push_back(table[s.local[f * s.nu() + a] * D + i]);
-  };
-  add_nodes(_slave, facet, _slave_dofs);
-  const int nl = _particles.multiplier.nodes();
-  for (int a = 0; a < nl; ++a)
-    dofs.push_back(_multiplier_dofs[_multiplier_local[facet * nl + a]]);
-  if (target >= 0)
-    add_nodes(_master, target, _master_dofs);
-}
-
-// Visit the particles of a slave facet grouped by target: visit(target, particles). Open particles
-// are grouped as target −1: nothing couples them to a master.
-template <int D>
-template <typename Visit>
-void Assembler<D>::for_each_pair(int facet, Visit visit) const
-{
-  const int np = _particles.rule.size();
-  auto target = [&](int p)
-  {
-    const State& s = _states[facet * np + p];
-    return s.closed ? s.target.facet : -1;
-  };
-  std::vector<int> order(np);
-  for (int p = 0; p < np; ++p)
-    order[p] = p;
-  std::sort(order.begin(), order.end(),
-            [&](int a, int b) { return std::pair(target(a), a) < std::pair(target(b), b); });
-  for (int begin = 0, end; begin < np; begin = end)
-  {
-    for (end = begin; end < np and target(order[end]) == target(order[begin]);)
-      ++end;
-    visit(target(order[begin]), std::span(order).subspan(begin, end - begin));
-  }
-}
-
-template <int D>
-void Assembler<D>::residual(::Vec b) const
-{
-  check(VecSetOption(b, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE), "VecSetOption");
-  const int np = _particles.rule.size();
-  std::vector<PetscInt> dofs;
-  PairVector<D> block;
-  BasisValues M;
-  for (int f = 0; f < _slave.size(); ++f)
-    for_each_pair(f,
-                  [&](int target, std::span<const int> particles)
-                  {
-                    dofs_of(f, target, dofs);
-                    block.setZero(dofs.size());
-                    for (int p : particles)
-                    {
-                      const State& s = _states[f * np + p];
-                      CouplingBasis B = basis(p);
-                      if (target >= 0)
-                      {
-                        _master.ref.displacement.tabulate(s.target.xi.data(), M);
-                        B.M = &M;
-                        B.master = _master.nu();
-                      }
-                      add_residual<D>(B, _options.law, s.closed, s.lambda, s.gap,
-                                      traction_at(f * np + p), _particles.weight[f * np + p],
-                                      _options.scale, block);
-                    }
-                    check(VecSetValues(b, dofs.size(), dofs.data(), block.data(), ADD_VALUES),
-                          "VecSetValues");
-                  });
-}
-
-template <int D>
-void Assembler<D>::tangent(Mat A) const
-{
-  const int np = _particles.rule.size();
-  const Vector<D> e = _options.search.direction;
-  std::vector<PetscInt> dofs;
-  PairMatrix<D> block;
-  BasisValues P, M;
-  const bool same = _master.ref.isoparametric();
-  NormalField<D> field;
-  NormalColumns<D> columns; // of the pair's normals, multiplied by ∂n_A/∂u at its end
-  std::unordered_map<int, NormalDerivative<D>> derivatives;
-  std::vector<PetscInt> ring;
-  for (int f = 0; f < _slave.size(); ++f)
-    for_each_pair(
-        f,
-        [&](int target, std::span<const int> particles)
-        {
-          dofs_of(f, target, dofs);
-          block.setZero(dofs.size(), dofs.size());
-          if (interpolated() and target >= 0)
-            columns.reset(_master.nv(), static_cast<int>(dofs.size()));
-          for (int p : particles)
-          {
-            const State& s = _states[f * np + p];
-            const double w = _particles.weight[f * np + p];
-            CouplingBasis B = basis(p);
-            if (target < 0)
-            {
-              add_open_tangent<D>(B, _options.law, w, _options.scale, block);
-              continue;
-            }
-            _master.ref.position.tabulate(s.target.xi.data(), P, true);
-            if (not same)
-              _master.ref.displacement.tabulate(s.target.xi.data(), M);
-            B.M = same ? &P : &M;
-            B.master = _master.nu();
-            const FacetPoint<D> point = evaluate<D>(_master.facet_x(target), _master.np(), P, true);
-            if (interpolated())
-              field = _normals.at(_master, target, s.target.xi.data());
-            const Kinematics<D> k = linearise<D>(_master, s.target, s.x, point,
-                                                 _options.search.rule, _options.normals, e, &field);
-            const Traction<D> t = linearised_traction<D>(law(s), s.lambda, k);
-            add_closed_tangent<D>(B, k, t, w, _options.scale, block);
-            if (interpolated())
-            {
-              double N[4], dN[2][4];
-              corner_basis(_master.ref.shape, s.target.xi.data(), N, dN);
-              add_normal_columns<D>(B, k, t, w, _options.scale, N, _master.nv(), columns);
-            }
-          }
-          check(MatSetValues(A, dofs.size(), dofs.data(), dofs.size(), dofs.data(), block.data(),
-                             ADD_VALUES),
-                "MatSetValues (contact tangent)");
-          if (interpolated() and target >= 0)
-          {
-            auto it = derivatives.find(target);
-            if (it == derivatives.end())
-              it = derivatives.emplace(target, _normals.derivative(_master, target)).first;
-            const NormalDerivative<D>& d = it->second;
-            ring_dofs(d.nodes, ring);
-            RingMatrix values = columns.corner[0] * d.dn[0];
-            for (int c = 1; c < _master.nv(); ++c)
-              values += columns.corner[c] * d.dn[c];
-            check(MatSetValues(A, dofs.size(), dofs.data(), ring.size(), ring.data(), values.data(),
-                               ADD_VALUES),
-                  "MatSetValues (contact tangent, normals)");
-          }
-        });
-}
-
-template <int D>
-void Assembler<D>::ring_dofs(const std::vector<std::int32_t>& nodes,
-                             std::vector<PetscInt>& dofs) const
-{
-  dofs.clear();
-  for (const std::int32_t node : nodes)
-    for (int i = 0; i < D; ++i)
-      dofs.push_back(_master_dofs[node * D + i]);
-}
-
-template <int D>
-void Assembler<D>::insert_pattern(Mat A, bool remember)
-{
-  const int np = _particles.rule.size();
-  if (remember)
-    _pattern.assign(_slave.size(), {});
-  std::vector<PetscInt> dofs, ring;
-  std::vector<PetscScalar> zeros;
-  std::vector<int> targets;
-  for (int f = 0; f < _slave.size(); ++f)
-  {
-    targets.assign(1, -1);
-    for (int p = 0; p < np; ++p)
-      if (const int t = _states[f * np + p].target.facet; t >= 0)
-        targets.insert(targets.end(), _near.begin() + _near_offset[t],
-                       _near.begin() + _near_offset[t + 1]);
-    std::sort(targets.begin(), targets.end());
-    targets.erase(std::unique(targets.begin(), targets.end()), targets.end());
-    for (int t : targets)
-    {
-      if (t >= 0 and not _master.candidate[t])
-        continue;
-      dofs_of(f, t, dofs);
-      zeros.assign(dofs.size() * dofs.size(), 0.0);
-      check(MatSetValues(A, dofs.size(), dofs.data(), dofs.size(), dofs.data(), zeros.data(),
-                         ADD_VALUES),
-            "MatSetValues (contact pattern)");
-      if (interpolated() and t >= 0)
-      {
-        ring_dofs(_normals.nodes(_master, t), ring);
-        zeros.assign(dofs.size() * ring.size(), 0.0);
-        check(MatSetValues(A, dofs.size(), dofs.data(), ring.size(), ring.data(), zeros.data(),
-                           ADD_VALUES),
-              "MatSetValues (contact pattern, normals)");
-      }
-      if (remember and t >= 0)
-        _pattern[f].push_back(_master.id[t]); // sorted: facets are
-    }
-  }
-}
-
-template <int D>
-bool Assembler<D>::pattern_holds() const
-{
-  const int np = _particles.rule.size();
-  if (static_cast<int>(_pattern.size()) != _slave.size())
-    return false;
-  for (int f = 0; f < _slave.size(); ++f)
-    for (int p = 0; p < np; ++p)
-    {
-      const State& s = _states[f * np + p];
-      if (s.closed
-          and not std::binary_search(_pattern[f].begin(), _pattern[f].end(),
-                                     _master.id[s.target.facet]))
-        return false;
-    }
-  return true;
+  return out;
 }
 
 template class Assembler<2>;

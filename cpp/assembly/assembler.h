@@ -3,8 +3,12 @@
 
 #include "../integration/particle_rule.h"
 #include "../mechanics/coupling.h"
+#include "../targets/rigid_tool.h"
 
+#include <array>
+#include <optional>
 #include <petscmat.h>
+#include <unordered_map>
 
 namespace dolfinx_contact
 {
@@ -15,18 +19,43 @@ struct Particles
   ParticleRule rule;
   std::vector<double> weight; ///< reference measure of each, (facets, particles)
   TraceBasis multiplier;      ///< basis ψ of the multiplier on a facet
-  std::vector<double> nodes;  ///< its nodes on the reference facet, (nodes of ψ, D − 1)
+  std::vector<double> nodes;  ///< of the multipliers, on the reference facet, (nodes, D − 1)
+  /// Unit direction e of (F5) at the particles and at `nodes`, (facets, particles + nodes, D);
+  /// empty where there is none, or where it is the slave's normal
+  std::vector<double> direction;
+};
+
+/// Friction unknowns of a pair: Λ = Σ_a φ_a t_aα Λ_aα.
+template <int D>
+struct FrictionSpace
+{
+  TraceBasis basis;                ///< φ on a facet
+  std::vector<std::int32_t> local; ///< local node numbers of the facets, (facets, nodes of φ)
+  std::vector<PetscInt> dofs;      ///< system dofs, (local nodes, D − 1), −1 if held
+  std::vector<Vector<D>> tangent;  ///< t_aα, (local nodes, D − 1)
+
+  int nodes() const { return local.empty() ? 0 : basis.nodes(); }
 };
 
 /// Settings of a pair that the particles share.
 template <int D>
 struct PairOptions
 {
-  SearchOptions<D> search;
-  NormalRule normals = NormalRule::facet;
-  double crease = 1; ///< angle beyond which normals are not averaged, for interpolated ones
+  SearchOptions<D> search; ///< its rule is that of `rules`
+  Rules rules;
+  bool slave_facets = false; ///< if e turns: it is the slave facet's normal, not the interpolated
+  double crease = 1;         ///< angle beyond which interpolated normals are not averaged
+  bool convected = true;     ///< measure of the slip
   ContactLaw law;
-  double scale = 1; ///< the system's unknown is λ/scale and its rows (F2) are multiplied by scale
+  Scales scale;
+};
+
+/// Displacements of the node tables and multipliers of one evaluation.
+struct Unknowns
+{
+  std::span<const double> slave, master; ///< (nodes, D)
+  std::span<const double> lambda;        ///< local multipliers [pressure], negative in compression
+  std::span<const double> Lambda;        ///< local friction unknowns, (local nodes, D − 1)
 };
 
 /// One contact pair on one rank: its particles, their targets and its blocks.
@@ -38,12 +67,13 @@ template <int D>
 class Assembler
 {
 public:
-  /// @param slave this rank's own slave facets
+  /// @param slave this rank's own slave facets, then their ring (with_ring)
+  /// @param own number of its own facets
   /// @param slave_dofs system dofs of its node table, (nodes, D), −1 if held
-  /// @param multiplier_local local multiplier numbers of the facets, (facets, nodes of ψ)
+  /// @param multiplier_local local multiplier numbers of the own facets, (facets, nodes of ψ)
   /// @param multiplier_dofs system dofs of the local multipliers, −1 if held
   /// @throws std::invalid_argument if sizes do not match
-  Assembler(Surface slave, Particles particles, PairOptions<D> options,
+  Assembler(Surface slave, int own, Particles particles, PairOptions<D> options,
             std::vector<PetscInt> slave_dofs, std::vector<std::int32_t> multiplier_local,
             std::vector<PetscInt> multiplier_dofs);
 
@@ -51,17 +81,23 @@ public:
   /// @param dofs system dofs of its node table, (nodes, D), −1 if held
   void set_master(Surface master, std::vector<PetscInt> dofs);
 
+  /// A rigid tool for the master.
+  void set_tool(RigidPlane<D> tool) { _tool = std::move(tool); }
+
+  /// Friction unknowns, or others than before.
+  /// @throws std::invalid_argument if sizes do not match
+  void set_friction(FrictionSpace<D> friction);
+
+  /// The displacements of the last accepted step: slips are measured from there.
+  void remember(std::span<const double> u_slave, std::span<const double> u_master);
+
   /// Move both surfaces, search all targets and decide all statuses.
-  /// @param u_slave displacement of the slave's node table, (nodes, D)
-  /// @param u_master displacement of the master's node table, (nodes, D)
-  /// @param lambda local multipliers (pressure units, negative in compression)
   /// @param close open particles with d_n > −close × facet diameter count as closed ("initial
   /// contact"); negative: none
   /// @returns number of particles whose status changed
-  int update(std::span<const double> u_slave, std::span<const double> u_master,
-             std::span<const double> lambda, double close);
+  int update(const Unknowns& u, double close);
 
-  /// Add (F1) and (F2) to a vector of the system (VecSetValues; the caller assembles it).
+  /// Add (F1)–(F3) to a vector of the system (VecSetValues; the caller assembles it).
   void residual(::Vec b) const;
 
   /// Add (F9) and (F13) to a matrix of the system (MatSetValues; the caller assembles it).
@@ -74,10 +110,16 @@ public:
   /// True if all targets are within the pattern inserted last.
   bool pattern_holds() const;
 
-  /// Multipliers whose gap no free displacement can change: at their node the slave and its target
-  /// are held in the direction of the normal. Needs `update` before.
-  /// @returns (facets, nodes of ψ), 1 where the facet says so
-  std::vector<std::uint8_t> fixed_multipliers() const;
+  /// What may move at a node of a multiplier.
+  struct Node
+  {
+    bool has_target = false;
+    Vector<D> n = Vector<D>::Zero();    ///< normal at its target
+    std::array<bool, D> free_to_move{}; ///< component i of the slave or of its target is free
+  };
+
+  /// All of Particles::nodes of all own facets, where the surfaces are now: (own facets, nodes).
+  std::vector<Node> nodes() const;
 
   /// System dofs of the local multipliers, −1 if held.
   void set_multiplier_dofs(std::vector<PetscInt> dofs);
@@ -85,17 +127,27 @@ public:
   PairOptions<D>& options() { return _options; }
   const Surface& slave() const { return _slave; }
   const Surface& master() const { return _master; }
+  int own() const { return _own; }
+  const std::optional<RigidPlane<D>>& tool() const { return _tool; }
+
+  /// Interpolated normals of the slave's surface where it is now, inward to the slave.
+  const NodalNormals<D>& slave_normals() const { return _slave_normals; }
 
   /// State of one particle after `update`.
   struct State
   {
     Target<D> target;
-    double lambda = 0;               ///< multiplier, negative in compression
-    double gap = -INFINITY;          ///< d_n, negative if open; −∞ without a target
-    Vector<D> x = Vector<D>::Zero(); ///< current position
-    Vector<D> n = Vector<D>::Zero(); ///< normal, inward to the master
+    double lambda = 0;                    ///< multiplier, negative in compression
+    double gap = -INFINITY;               ///< d_n, negative if open; −∞ without a target
+    Vector<D> x = Vector<D>::Zero();      ///< current position
+    Vector<D> n = Vector<D>::Zero();      ///< normal, inward to the master
+    Vector<D> e = Vector<D>::Zero();      ///< direction of (F5)
+    Vector<D> Lambda = Vector<D>::Zero(); ///< friction semi-multiplier
+    Vector<D> slip = Vector<D>::Zero();   ///< ⟦Δu⟧ since the last accepted step; 0 if open
     bool closed = false;
-    int changes = 0; ///< of status since `begin_step`
+    bool slips = false;    ///< friction acts and ‖g_τ‖ > 1
+    int changes = 0;       ///< between open and closed since `begin_step`
+    double dissipated = 0; ///< by friction, up to the last accepted step [energy/area]
   };
 
   /// A step begins: forget the status changes of the last one.
@@ -107,7 +159,7 @@ public:
   const std::vector<State>& states() const { return _states; }
 
   /// Keep the present states, to come back to them after a failed solve.
-  void accept() { _accepted = _states; }
+  void accept();
 
   /// The states of the last `accept`.
   void restore() { _states = _accepted; }
@@ -126,37 +178,59 @@ public:
     return law;
   }
 
-  /// Contact traction on the slave per reference area at particle i (facet-major numbering).
-  Vector<D> traction_at(int i) const
+  /// P_B(g_τ) of a particle; zero where friction does not act.
+  Friction<D> friction_at(const State& s) const
   {
-    const State& s = _states[i];
-    return traction<D>(law(s), s.closed, s.lambda, s.n, s.gap);
+    if (not rubs(_options.law, s.closed, s.lambda))
+      return {};
+    return Friction<D>(_options.law, s.n, s.Lambda, s.slip);
+  }
+
+  /// Contact traction on the slave per reference area.
+  Vector<D> traction_at(const State& s) const
+  {
+    if (not s.closed)
+      return Vector<D>::Zero();
+    return traction<D>(law(s), s.lambda, s.n, s.gap, friction_at(s));
   }
 
 private:
   template <typename Visit>
   void for_each_pair(int facet, Visit visit) const;
-  CouplingBasis basis(int particle) const;
+  CouplingBasis<D> basis(int facet, int particle, std::vector<Vector<D>>& tangent) const;
   void dofs_of(int facet, int target, std::vector<PetscInt>& dofs) const;
   void neighbours();
-  void place(State& s) const;
-  bool interpolated() const { return _options.normals == NormalRule::interpolated; }
+  int num_nodes() const { return static_cast<int>(_particles.nodes.size()) / (D - 1); }
+  Seeker<D> seeker(int facet, const BasisValues& position, const double* xi, int point) const;
+  void seek(const Seeker<D>& seeker, State& s) const;
+  Vector<D> old_position(int facet, int particle) const;
+
+  Kinematics<D> kinematics(const State& s, int facet, int particle, const BasisValues& b) const;
+  bool interpolated() const { return _options.rules.normal == NormalRule::interpolated; }
+  bool turns_smoothly() const { return _options.rules.turning and not _options.slave_facets; }
   const NodalNormals<D>* normals() const { return interpolated() ? &_normals : nullptr; }
-  using RingMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  void ring_dofs(const std::vector<std::int32_t>& nodes, std::vector<PetscInt>& dofs) const;
+
+  struct FieldSums;
+  template <bool F>
+  void tangent(Mat A) const;
+  void node_dofs(const std::vector<std::int32_t>& nodes, const std::vector<PetscInt>& table,
+                 std::vector<PetscInt>& dofs) const;
   void carry_over(std::vector<State>& states, const Surface& master) const;
 
   Surface _slave, _master;
+  int _own;
+  std::optional<RigidPlane<D>> _tool;
   Particles _particles;
   PairOptions<D> _options;
   std::vector<PetscInt> _slave_dofs, _master_dofs, _multiplier_dofs;
   std::vector<std::int32_t> _multiplier_local;
+  FrictionSpace<D> _friction;
 
   std::vector<BasisValues> _position, _displacement; // slave bases at the particles
-  std::vector<double> _psi;                          // (particles, nodes of ψ)
+  std::vector<double> _psi, _phi;                    // (particles, nodes of ψ), (…, nodes of φ)
   Search<D> _search;
-  NodalNormals<D> _normals;              // of the master, if interpolated
-  std::vector<State> _states, _accepted; // (facets, particles)
+  NodalNormals<D> _normals, _slave_normals; // of the master if interpolated, of the slave
+  std::vector<State> _states, _accepted;    // (own facets, particles)
   std::vector<std::int32_t> _near_offset,
       _near; // facets that share a vertex with each master facet
   std::vector<std::vector<std::int64_t>> _pattern; // global numbers of targets in the pattern

@@ -158,6 +158,28 @@ void declare_particles(py::module_& m)
           return as_array(lumped_weights(s, psi, r, axisymmetric), {s.size(), psi.nodes()});
         });
 
+  m.def("reference_positions",
+        [](const Surface& s, const array<double>& points)
+        {
+          // X at points of all facets, (facets, points, dim)
+          const py::ssize_t n = points.shape(0), np = s.np();
+          py::array_t<double> out({py::ssize_t(s.size()), n, py::ssize_t(s.dim)});
+          for (int f = 0; f < s.size(); ++f)
+            for (py::ssize_t i = 0; i < n; ++i)
+            {
+              double N[BasisValues::max_nodes];
+              s.ref.position.values(points.data() + i * points.shape(1), N);
+              for (int k = 0; k < s.dim; ++k)
+              {
+                double X = 0;
+                for (py::ssize_t a = 0; a < np; ++a)
+                  X += N[a] * s.facet_X(f)[a * s.dim + k];
+                out.mutable_at(f, i, k) = X;
+              }
+            }
+          return out;
+        });
+
   py::enum_<TargetRule>(m, "TargetRule")
       .value("proximity", TargetRule::proximity)
       .value("direction", TargetRule::direction)
@@ -177,9 +199,10 @@ py::dict particle_table(const Assembler<D>& a)
   const Particles& particles = a.particles();
   const std::vector<State>& states = a.states();
   const py::ssize_t n = states.size(), np = particles.rule.size();
-  py::array_t<double> X({n, py::ssize_t(D)}), x({n, py::ssize_t(D)}), y({n, py::ssize_t(D)}),
-      normal({n, py::ssize_t(D)}), traction({n, py::ssize_t(D)}), gap(n), lambda(n), weight(n);
-  py::array_t<bool> closed(n);
+  const std::vector<py::ssize_t> vectors = {n, py::ssize_t(D)};
+  py::array_t<double> X(vectors), x(vectors), y(vectors), normal(vectors), traction(vectors),
+      slip(vectors), direction(vectors), gap(n), lambda(n), weight(n), dissipated(n);
+  py::array_t<bool> closed(n), slips(n), rubs(n);
   py::array_t<std::int64_t> facet(n), target(n);
   for (py::ssize_t i = 0; i < n; ++i)
   {
@@ -188,10 +211,13 @@ py::dict particle_table(const Assembler<D>& a)
     BasisValues b;
     slave.ref.position.tabulate(&particles.rule.points[p * (D - 1)], b);
     const Vector<D> reference = evaluate<D>(slave.facet_X(f), slave.np(), b, false).x;
-    const Vector<D> t = a.traction_at(i);
+    const Vector<D> t = a.traction_at(s);
+    const Friction<D> friction = a.friction_at(s);
     Vector<D> target_point = Vector<D>::Constant(NAN);
     if (s.target.facet >= 0)
-      target_point = FacetProjection<D>(a.master(), s.target.facet).at(s.target.xi, false).x;
+      target_point = a.tool()
+                         ? Vector<D>(s.x - s.gap * s.n)
+                         : FacetProjection<D>(a.master(), s.target.facet).at(s.target.xi, false).x;
     for (int k = 0; k < D; ++k)
     {
       X.mutable_at(i, k) = reference[k];
@@ -199,13 +225,18 @@ py::dict particle_table(const Assembler<D>& a)
       y.mutable_at(i, k) = target_point[k];
       normal.mutable_at(i, k) = s.target.facet >= 0 ? s.n[k] : NAN;
       traction.mutable_at(i, k) = t[k];
+      direction.mutable_at(i, k) = s.e[k];
+      slip.mutable_at(i, k) = s.slip[k] - s.slip.dot(s.n) * s.n[k];
     }
+    slips.mutable_at(i) = s.slips;
+    rubs.mutable_at(i) = friction.acts;
+    dissipated.mutable_at(i) = s.dissipated;
     gap.mutable_at(i) = -s.gap;
     lambda.mutable_at(i) = s.lambda;
     weight.mutable_at(i) = particles.weight[i];
     closed.mutable_at(i) = s.closed;
     facet.mutable_at(i) = slave.id[f];
-    target.mutable_at(i) = s.target.facet >= 0 ? a.master().id[s.target.facet] : -1;
+    target.mutable_at(i) = s.target.facet < 0 ? -1 : a.tool() ? 0 : a.master().id[s.target.facet];
   }
   py::dict out;
   out["X"] = X;
@@ -214,11 +245,42 @@ py::dict particle_table(const Assembler<D>& a)
   out["normal"] = normal;
   out["traction"] = traction;
   out["gap"] = gap;
+  out["direction"] = direction;
+  out["slip"] = slip;
+  out["slips"] = slips;
+  out["rubs"] = rubs;
+  out["dissipated"] = dissipated;
   out["lambda"] = lambda;
   out["weight"] = weight;
   out["closed"] = closed;
   out["facet"] = facet;
   out["target_facet"] = target;
+  return out;
+}
+
+// Unit normals of the slave, inward to it, at points of all its own facets; (facets, points, D).
+// interpolated: (F8), else the facets' own
+template <int D>
+py::array_t<double> slave_normals(const Assembler<D>& a, const array<double>& points,
+                                  bool interpolated)
+{
+  const Surface& s = a.slave();
+  const py::ssize_t n = points.shape(0);
+  py::array_t<double> out({py::ssize_t(a.own()), n, py::ssize_t(D)});
+  for (int f = 0; f < a.own(); ++f)
+    for (py::ssize_t i = 0; i < n; ++i)
+    {
+      const double* xi = points.data() + i * (D - 1);
+      BasisValues b;
+      s.ref.position.tabulate(xi, b);
+      const Vector<D> normal
+          = interpolated
+                ? a.slave_normals().at(s, f, xi).M.normalized().eval()
+                : Vector<D>(
+                    s.sigma[f]
+                    * evaluate<D>(s.facet_x(f), s.np(), b, false).area_vector().normalized());
+      Eigen::Map<Vector<D>>(out.mutable_data(f, i, 0)) = normal;
+    }
   return out;
 }
 
@@ -228,51 +290,101 @@ void declare_assembler(py::module_& m, const char* name)
   using A = Assembler<D>;
   py::class_<A>(m, name)
       .def(py::init(
-               [](const Surface& slave, const ParticleRule& rule, const array<double>& weight,
-                  const TraceBasis& multiplier, const array<double>& nodes, TargetRule target,
-                  NormalRule normals, const std::array<double, D>& direction, double radius,
-                  double end_tolerance, double crease, bool augmented,
+               [](const Surface& slave, int own, const ParticleRule& rule,
+                  const array<double>& weight, const TraceBasis& multiplier,
+                  const array<double>& nodes, TargetRule target, NormalRule normals,
+                  const array<double>& direction, bool turning, bool slave_facets, double radius,
+                  double end_tolerance, double crease, bool augmented, bool convected,
                   const array<PetscInt>& slave_dofs, const array<std::int32_t>& local,
                   const array<PetscInt>& dofs)
                {
                  PairOptions<D> o;
-                 o.search.rule = target;
-                 for (int i = 0; i < D; ++i)
-                   o.search.direction[i] = direction[i];
+                 o.rules = {target, normals, turning};
+                 o.slave_facets = slave_facets;
                  o.search.radius = radius;
                  o.search.end_tolerance = end_tolerance;
-                 o.normals = normals;
                  o.crease = crease;
+                 o.convected = convected;
                  o.law.augmented = augmented;
-                 return A(slave, {rule, vector(weight), multiplier, vector(nodes)}, o,
+                 return A(slave, own,
+                          {rule, vector(weight), multiplier, vector(nodes), vector(direction)}, o,
                           vector(slave_dofs), vector(local), vector(dofs));
                }),
-           py::arg("slave"), py::arg("rule"), py::arg("weight"), py::arg("multiplier"),
-           py::arg("nodes"), py::arg("target"), py::arg("normals"), py::arg("direction"),
-           py::arg("radius"), py::arg("end_tolerance"), py::arg("crease"), py::arg("augmented"),
+           py::arg("slave"), py::arg("own"), py::arg("rule"), py::arg("weight"),
+           py::arg("multiplier"), py::arg("nodes"), py::arg("target"), py::arg("normals"),
+           py::arg("direction"), py::arg("turning"), py::arg("slave_facets"), py::arg("radius"),
+           py::arg("end_tolerance"), py::arg("crease"), py::arg("augmented"), py::arg("convected"),
            py::arg("slave_dofs"), py::arg("multiplier_local"), py::arg("multiplier_dofs"))
       .def("set_master", [](A& a, const Surface& master, const array<PetscInt>& dofs)
            { a.set_master(master, vector(dofs)); })
-      .def("set_parameters",
-           [](A& a, double rho_n, double scale)
+      .def("set_plane",
+           [](A& a, const std::array<double, D>& point, const std::array<double, D>& outward,
+              const array<double>& now, const array<double>& old)
            {
-             a.options().law.rho_n = rho_n;
-             a.options().scale = scale;
+             auto motion = [](const array<double>& m)
+             {
+               RigidMotion<D> out;
+               for (int i = 0; i < D; ++i)
+               {
+                 out.c[i] = m.at(i, D);
+                 for (int j = 0; j < D; ++j)
+                   out.R(i, j) = m.at(i, j);
+               }
+               return out;
+             };
+             a.set_tool({Eigen::Map<const Vector<D>>(point.data()),
+                         Eigen::Map<const Vector<D>>(outward.data()), motion(now), motion(old)});
            })
+      .def("set_friction",
+           [](A& a, const TraceBasis& basis, const array<std::int32_t>& local,
+              const array<PetscInt>& dofs, const array<double>& tangents)
+           {
+             FrictionSpace<D> f{basis, vector(local), vector(dofs), {}};
+             for (py::ssize_t i = 0; i < dofs.size(); ++i)
+               f.tangent.push_back(Eigen::Map<const Vector<D>>(tangents.data() + i * D));
+             a.set_friction(std::move(f));
+           })
+      .def("remember", [](A& a, const array<double>& us, const array<double>& um)
+           { a.remember(span(us), span(um)); })
+      .def(
+          "set_parameters",
+          [](A& a, double rho_n, double pressure, double friction, double rho_t, double scale,
+             double kappa, double least)
+          {
+            ContactLaw& law = a.options().law;
+            law = {rho_n, law.augmented, friction, rho_t, kappa, least};
+            a.options().scale = {pressure, scale};
+          },
+          py::arg("rho_n"), py::arg("pressure_scale"), py::arg("friction") = 0.0,
+          py::arg("rho_t") = 1.0, py::arg("friction_scale") = 1.0, py::arg("kappa") = 1.0,
+          py::arg("least") = 0.0)
+      .def("slave_normals", &slave_normals<D>)
       .def("set_multiplier_dofs",
            [](A& a, const array<PetscInt>& dofs) { a.set_multiplier_dofs(vector(dofs)); })
-      .def("fixed_multipliers",
+      .def("nodes",
            [](const A& a)
            {
-             const std::vector<std::uint8_t> v = a.fixed_multipliers();
-             const py::ssize_t nl = a.particles().multiplier.nodes(), n = a.slave().size();
-             py::array_t<bool> out({n, nl});
-             std::copy(v.begin(), v.end(), out.mutable_data());
-             return out;
+             // has_target, normal and free components of the multipliers' nodes
+             const auto nodes = a.nodes();
+             const py::ssize_t n = a.own(), m = n > 0 ? nodes.size() / n : 0;
+             py::array_t<bool> found({n, m}), free({n, m, py::ssize_t(D)});
+             py::array_t<double> normal({n, m, py::ssize_t(D)});
+             for (std::size_t i = 0; i < nodes.size(); ++i)
+             {
+               found.mutable_data()[i] = nodes[i].has_target;
+               std::copy_n(nodes[i].free_to_move.begin(), D, free.mutable_data() + i * D);
+               std::copy_n(nodes[i].n.data(), D, normal.mutable_data() + i * D);
+             }
+             return py::make_tuple(found, normal, free);
            })
-      .def("update",
-           [](A& a, const array<double>& us, const array<double>& um, const array<double>& lambda,
-              double close) { return a.update(span(us), span(um), span(lambda), close); })
+      .def(
+          "update",
+          [](A& a, const array<double>& us, const array<double>& um, const array<double>& lambda,
+             double close, const array<double>& Lambda) {
+            return a.update({span(us), span(um), span(lambda), span(Lambda)}, close);
+          },
+          py::arg("slave"), py::arg("master"), py::arg("multiplier"), py::arg("close") = -1.0,
+          py::arg("friction") = array<double>(0))
       .def("residual", [](const A& a, std::uintptr_t b) { a.residual(reinterpret_cast<::Vec>(b)); })
       .def("tangent", [](const A& a, std::uintptr_t mat) { a.tangent(reinterpret_cast<Mat>(mat)); })
       .def("insert_pattern", [](A& a, std::uintptr_t mat, bool remember)
@@ -282,6 +394,7 @@ void declare_assembler(py::module_& m, const char* name)
       .def("begin_step", &A::begin_step)
       .def("accept", &A::accept)
       .def("restore", &A::restore)
+      .def_property_readonly("own", &A::own)
       .def_property_readonly("slave", [](const A& a) { return a.slave(); })
       .def_property_readonly("master", [](const A& a) { return a.master(); });
 }

@@ -21,20 +21,20 @@ void Surface::number_nodes()
                    auto it = std::lower_bound(node_table.begin(), node_table.end(), n);
                    return static_cast<std::int32_t>(it - node_table.begin());
                  });
-  x = X;
+  x = x_old = X;
 }
 
-void Surface::displace(std::span<const double> u)
+void Surface::place(std::span<const double> u, std::vector<double>& positions) const
 {
   if (u.size() != node_table.size() * dim)
-    throw std::invalid_argument("Surface.displace: u must have one row for each node");
+    throw std::invalid_argument("Surface: the displacement must have one row for each node");
   if (not std::all_of(u.begin(), u.end(), [](double v) { return std::isfinite(v); }))
     throw std::domain_error("the displacement of a contact surface is not finite");
   const int np = this->np(), nu = this->nu(), n = size();
-  x = X;
+  positions = X;
   for (int f = 0; f < n; ++f)
   {
-    double* xf = &x[static_cast<std::size_t>(f) * np * dim];
+    double* xf = &positions[static_cast<std::size_t>(f) * np * dim];
     const std::int32_t* row = &local[static_cast<std::size_t>(f) * nu];
     if (ref.isoparametric())
     {

@@ -53,6 +53,7 @@ struct Surface
   std::vector<std::int64_t> node_table; ///< distinct entries of `nodes`, sorted
   std::vector<std::int32_t> local;      ///< position of `nodes` in `node_table`, (n, nu)
   std::vector<double> x;                ///< current positions, (n, np, dim)
+  std::vector<double> x_old;            ///< those at the last accepted step, (n, np, dim)
 
   int size() const { return static_cast<int>(id.size()); }
   int np() const { return ref.position.nodes(); }
@@ -62,13 +63,21 @@ struct Surface
   const double* facet_x(int f) const { return &x[static_cast<std::size_t>(f) * np() * dim]; }
   const double* facet_X(int f) const { return &X[static_cast<std::size_t>(f) * np() * dim]; }
 
-  /// Fill `node_table` and `local` from `nodes`, and set x = X.
+  const double* facet_x_old(int f) const
+  {
+    return &x_old[static_cast<std::size_t>(f) * np() * dim];
+  }
+
+  /// Fill `node_table` and `local` from `nodes`, and set x = x_old = X.
   void number_nodes();
 
   /// x = X + u.
   /// @param u displacement of the nodes of `node_table`, (nodes, dim)
   /// @throws std::invalid_argument on a wrong size, std::domain_error if u is not finite
-  void displace(std::span<const double> u);
+  void displace(std::span<const double> u) { place(u, x); }
+
+  /// x_old = X + u; as `displace`.
+  void remember(std::span<const double> u) { place(u, x_old); }
 
   /// Boxes that hold each facet in its current position (control points of its Bernstein form),
   /// grown by `margin`: (n, 2, dim), lower then upper corner.
@@ -76,6 +85,9 @@ struct Surface
 
   /// Largest distance between two corners of facet f in the reference configuration.
   double diameter(int f) const;
+
+private:
+  void place(std::span<const double> u, std::vector<double>& positions) const;
 };
 
 /// Position and derivatives on a current (or reference) facet at one ξ.

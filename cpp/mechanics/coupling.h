@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 //
-// One particle's contribution to the residual (F1), (F2) and to the tangent (F9), (F13).
+// One particle's contribution to the residual (F1)–(F3) and to the tangent (F9), (F13).
 //
-// Unknowns of a pair of facets, in this order: slave displacement (nodes × D), multiplier, master
-// displacement (nodes × D).
+// Unknowns of a pair of facets, in this order: slave displacement (nodes × D), multiplier, friction
+// (nodes × (D − 1), along the nodes' tangents), master displacement (nodes × D).
 #pragma once
 
 #include "contact_law.h"
@@ -14,23 +14,31 @@ namespace dolfinx_contact
 {
 
 /// Bases at a particle and at its target.
+template <int D>
 struct CouplingBasis
 {
-  const double* N = nullptr;      ///< slave displacement, `slave` values
-  const double* psi = nullptr;    ///< multiplier, `multiplier` values
-  const BasisValues* M = nullptr; ///< master displacement, `master` values and derivatives
-  int slave = 0, multiplier = 0, master = 0;
+  const double* N = nullptr;          ///< slave displacement, `slave` values
+  const double* psi = nullptr;        ///< multiplier, `multiplier` values
+  const double* phi = nullptr;        ///< friction, `friction` values
+  const Vector<D>* tangent = nullptr; ///< t_aα of the friction's nodes, (friction, D − 1)
+  const BasisValues* M = nullptr;     ///< master displacement, `master` values and derivatives
+  int slave = 0, multiplier = 0, friction = 0, master = 0;
 
-  template <int D>
-  int size() const
-  {
-    return (slave + master) * D + multiplier;
-  }
+  int first_multiplier() const { return slave * D; }
+  int first_friction() const { return slave * D + multiplier; }
+  int first_master() const { return first_friction() + friction * (D - 1); }
+  int size() const { return first_master() + master * D; }
+};
+
+/// Units of the unknowns and of their rows: the system has λ/pressure and Λ/friction for unknowns.
+struct Scales
+{
+  double pressure = 1, friction = 1;
 };
 
 /// Largest number of unknowns of a pair.
 template <int D>
-constexpr int max_unknowns = (D == 2 ? 3 : 9) * (2 * D + 1);
+constexpr int max_unknowns = (D == 2 ? 3 : 9) * (3 * D);
 
 template <int D>
 using PairVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, max_unknowns<D>, 1>;
@@ -38,133 +46,175 @@ template <int D>
 using PairMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor,
                                  max_unknowns<D>, max_unknowns<D>>;
 
-/// Residual of (F1): −w t·⟦w⟧, and of (F2): −w/ρ_n (λ − χ g_n) λ*, added to b.
-/// @param scale factor of the multiplier rows (block scaling of the system)
+/// Residual of (F1): −w t·⟦w⟧, of (F2): −w/ρ_n (λ − χ g_n) λ*, and of (F3), added to b.
+/// @param t traction
+/// @param Lambda the friction semi-multiplier
 template <int D>
-void add_residual(const CouplingBasis& B, const ContactLaw& law, bool closed, double lambda,
-                  double gap, const Vector<D>& t, double w, double scale, PairVector<D>& b)
+void add_residual(const CouplingBasis<D>& B, const ContactLaw& law, bool closed, double lambda,
+                  double gap, const Vector<D>& t, const Vector<D>& Lambda, const Friction<D>& f,
+                  double w, const Scales& scale, PairVector<D>& b)
 {
-  const int multiplier = B.slave * D, master = multiplier + B.multiplier;
   const double g = closed ? gap : lambda / law.rho_n;
   for (int a = 0; a < B.multiplier; ++a)
-    b[multiplier + a] -= w * scale * g * B.psi[a];
+    b[B.first_multiplier() + a] -= w * scale.pressure * g * B.psi[a];
+  if (B.friction > 0)
+  {
+    const Vector<D> row = f.acts ? Vector<D>(law.friction * lambda / law.rho_t * f.defect)
+                                 : Vector<D>(-law.kappa * Lambda);
+    for (int a = 0; a < B.friction * (D - 1); ++a)
+      b[B.first_friction() + a] += w * scale.friction * B.phi[a / (D - 1)] * B.tangent[a].dot(row);
+  }
   if (not closed)
     return;
   for (int a = 0; a < B.slave; ++a)
     b.template segment<D>(a * D) -= w * B.N[a] * t;
   for (int a = 0; a < B.master; ++a)
-    b.template segment<D>(master + a * D) += w * B.M->N[a] * t;
+    b.template segment<D>(B.first_master() + a * D) += w * B.M->N[a] * t;
 }
 
-/// Tangent of an open particle: only δλ λ*/ρ_n.
-template <int D, unsigned Drop = all_terms>
-void add_open_tangent(const CouplingBasis& B, const ContactLaw& law, double w, double scale,
-                      PairMatrix<D>& K)
+namespace impl
 {
-  if constexpr (Drop & open_row)
-    return;
-  const int multiplier = B.slave * D;
-  for (int a = 0; a < B.multiplier; ++a)
-    for (int b = 0; b < B.multiplier; ++b)
-      K(multiplier + a, multiplier + b) -= w * scale * scale / law.rho_n * B.psi[a] * B.psi[b];
-}
+// Rows of a particle's small matrices: ⟦w⟧, ∂_α w², λ* and, with friction, Λ*.
+template <int D, bool F>
+constexpr int rows = Kinematics<D>::Z + 1 + (F ? D : 0);
 
-/// Tangent of a closed particle.
-template <int D, unsigned Drop = all_terms>
-void add_closed_tangent(const CouplingBasis& B, const Kinematics<D>& k, const Traction<D>& t,
-                        double w, double scale, PairMatrix<D>& K)
+// Small matrix for the C numbers of a variation:
+// (F9) −w (δt·⟦w⟧ − t·∂_α w² δξ^α), (F13) −w δd_n λ* and the friction row
+template <int D, bool F, unsigned Drop, int C>
+Eigen::Matrix<double, rows<D, F>, C>
+small_matrix(const ContactLaw& law, double lambda, const Kinematics<D>& k, const Variation<D, C>& v,
+             const Friction<D>& f, const Vector<D>& t, double w, const Scales& scale)
 {
-  constexpr int Q = D - 1, Z = Kinematics<D>::Z;
-  const int multiplier = B.slave * D, master = multiplier + B.multiplier;
-
-  // Small matrix of the particle: rows (⟦w⟧, ∂_α w², λ*), columns (z, δλ).
-  // (F9) −w (δt·⟦w⟧ − t·∂_α w² δξ^α), (F13) −w δd_n λ*
-  Eigen::Matrix<double, Z + 1, Z + 1> k0;
-  k0.setZero();
-  k0.template topLeftCorner<D, Z>() = -w * t.dz;
-  k0.template topRightCorner<D, 1>() = -w * scale * t.dlambda;
+  constexpr int Z = Kinematics<D>::Z;
+  const Response<D, C> response = respond<D, Drop>(law, lambda, k, v, f);
+  Eigen::Matrix<double, rows<D, F>, C> out;
+  out.setZero();
+  out.template topRows<D>() = -w * response.t;
   if constexpr (not(Drop & moving_target))
-    for (int a = 0; a < Q; ++a)
-      k0.template block<D, Z>(D + a * D, 0) = w * t.t * k.dxi.row(a);
+    for (int a = 0; a < D - 1; ++a)
+      out.template middleRows<D>(D + a * D) = w * t * v.xi.row(a);
   if constexpr (not(Drop & gap_row))
-    k0.template bottomLeftCorner<1, Z>() = -w * scale * k.dgap;
-
-  // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master
-  Eigen::Matrix<double, Z + 1, Eigen::Dynamic, 0, Z + 1, max_unknowns<D>> C(Z + 1, B.size<D>());
-  for (int a = 0; a < B.slave; ++a)
-    C.template middleCols<D>(a * D) = B.N[a] * k0.template leftCols<D>();
-  for (int a = 0; a < B.multiplier; ++a)
-    C.col(multiplier + a) = B.psi[a] * k0.col(Z);
-  for (int a = 0; a < B.master; ++a)
-  {
-    auto column = C.template middleCols<D>(master + a * D);
-    column = -B.M->N[a] * k0.template leftCols<D>();
-    for (int i = 0; i < Q; ++i)
-      column += B.M->dN[i][a] * k0.template middleCols<D>(D + i * D);
-  }
-
-  // rows likewise
-  for (int a = 0; a < B.slave; ++a)
-    K.template middleRows<D>(a * D) += B.N[a] * C.template topRows<D>();
-  for (int a = 0; a < B.multiplier; ++a)
-    K.row(multiplier + a) += B.psi[a] * C.row(Z);
-  for (int a = 0; a < B.master; ++a)
-  {
-    auto row = K.template middleRows<D>(master + a * D);
-    row -= B.M->N[a] * C.template topRows<D>();
-    for (int i = 0; i < Q; ++i)
-      row += B.M->dN[i][a] * C.template middleRows<D>(D + i * D);
-  }
+    out.row(Z) = -w * scale.pressure * v.gap;
+  if constexpr (F)
+    out.template bottomRows<D>() = w * scale.friction * response.row;
+  return out;
 }
 
-/// Columns of a closed particle's tangent that stand for the nodal normals n_A at the corners of
-/// the target (F8'): one (unknowns, D) block for each corner. They are summed over the particles of
-/// a pair, and multiplied by ∂n_A/∂u once.
-template <int D>
-struct NormalColumns
-{
-  using Block = Eigen::Matrix<double, Eigen::Dynamic, D, 0, max_unknowns<D>, D>;
-  std::array<Block, 4> corner;
-
-  void reset(int corners, int size)
-  {
-    for (int c = 0; c < corners; ++c)
-      corner[c].setZero(size, D);
-  }
-};
-
-/// @param N linear basis of the target facet's corners at ξ, `corners` values
-template <int D, unsigned Drop = all_terms>
-void add_normal_columns(const CouplingBasis& B, const Kinematics<D>& k, const Traction<D>& t,
-                        double w, double scale, const double* N, int corners,
-                        NormalColumns<D>& columns)
+// Rows of the pair's unknowns from those of the particle: Σ over its basis functions.
+template <int D, bool F, typename Small, typename Out>
+void expand_rows(const CouplingBasis<D>& B, const Small& k0, Out& out)
 {
   constexpr int Q = D - 1, Z = Kinematics<D>::Z;
-  const int multiplier = B.slave * D, master = multiplier + B.multiplier;
-  // rows (⟦w⟧, ∂_α w², λ*) of the particle, as in add_closed_tangent, for m = Σ_A N_A δn_A
-  Eigen::Matrix<double, Z + 1, D> k0;
-  k0.template topRows<D>() = -w * t.dm;
-  for (int a = 0; a < Q; ++a)
-    if constexpr (not(Drop & moving_target))
-      k0.template middleRows<D>(D + a * D) = w * t.t * k.dxi_m.row(a);
-    else
-      k0.template middleRows<D>(D + a * D).setZero();
-  k0.template bottomRows<1>() = -w * scale * k.dgap_m;
-
-  typename NormalColumns<D>::Block rows(B.size<D>(), D);
   for (int a = 0; a < B.slave; ++a)
-    rows.template middleRows<D>(a * D) = B.N[a] * k0.template topRows<D>();
+    out.template middleRows<D>(a * D) += B.N[a] * k0.template topRows<D>();
   for (int a = 0; a < B.multiplier; ++a)
-    rows.row(multiplier + a) = B.psi[a] * k0.row(Z);
+    out.row(B.first_multiplier() + a) += B.psi[a] * k0.row(Z);
+  if constexpr (F)
+    for (int a = 0; a < B.friction * Q; ++a)
+      out.row(B.first_friction() + a)
+          += B.phi[a / Q] * (B.tangent[a].transpose() * k0.template bottomRows<D>());
   for (int a = 0; a < B.master; ++a)
   {
-    auto row = rows.template middleRows<D>(master + a * D);
-    row = -B.M->N[a] * k0.template topRows<D>();
+    auto row = out.template middleRows<D>(B.first_master() + a * D);
+    row -= B.M->N[a] * k0.template topRows<D>();
     for (int i = 0; i < Q; ++i)
       row += B.M->dN[i][a] * k0.template middleRows<D>(D + i * D);
   }
-  for (int c = 0; c < corners; ++c)
-    columns.corner[c] += N[c] * rows;
+}
+} // namespace impl
+
+/// Tangent of an open particle: δλ λ*/ρ_n, and κ δΛ·Λ*.
+template <int D, unsigned Drop = all_terms>
+void add_open_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double w,
+                      const Scales& scale, PairMatrix<D>& K)
+{
+  if constexpr (Drop & open_row)
+    return;
+  const double wn = w * scale.pressure * scale.pressure / law.rho_n;
+  for (int a = 0; a < B.multiplier; ++a)
+    for (int b = 0; b < B.multiplier; ++b)
+      K(B.first_multiplier() + a, B.first_multiplier() + b) -= wn * B.psi[a] * B.psi[b];
+  constexpr int Q = D - 1;
+  const double wt = w * scale.friction * scale.friction * law.kappa;
+  for (int a = 0; a < B.friction * Q; ++a)
+    for (int b = 0; b < B.friction * Q; ++b)
+      K(B.first_friction() + a, B.first_friction() + b)
+          -= wt * B.phi[a / Q] * B.phi[b / Q] * B.tangent[a].dot(B.tangent[b]);
+}
+
+/// Tangent of a closed particle.
+/// @tparam F with friction unknowns
+template <int D, bool F, unsigned Drop = all_terms>
+void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
+                        const Kinematics<D>& k, const Friction<D>& f, double w, const Scales& scale,
+                        PairMatrix<D>& K)
+{
+  constexpr int Q = D - 1, Z = Kinematics<D>::Z, R = impl::rows<D, F>;
+  const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
+  const Eigen::Matrix<double, R, Z> kz
+      = impl::small_matrix<D, F, Drop>(law, lambda, k, k.z, f, t, w, scale);
+
+  // with δλ, in units of the system
+  Eigen::Matrix<double, R, 1> kl = Eigen::Matrix<double, R, 1>::Zero();
+  if constexpr (not(Drop & traction_multiplier))
+    kl.template head<D>() -= w * scale.pressure * k.n;
+  if constexpr (F)
+  {
+    if constexpr (not(Drop & friction_multiplier))
+      kl.template head<D>() -= w * scale.pressure * law.friction * f.p;
+    if constexpr (not(Drop & row_multiplier))
+      kl.template tail<D>()
+          = w * scale.friction * scale.pressure * law.friction / law.rho_t * f.defect;
+  }
+
+  // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master
+  Eigen::Matrix<double, R, Eigen::Dynamic, 0, R, max_unknowns<D>> C(R, B.size());
+  for (int a = 0; a < B.slave; ++a)
+    C.template middleCols<D>(a * D) = B.N[a] * kz.template leftCols<D>();
+  for (int a = 0; a < B.multiplier; ++a)
+    C.col(B.first_multiplier() + a) = B.psi[a] * kl;
+  if constexpr (F)
+  {
+    // with δΛ: δp = DP T δΛ, δ(TΛ) = T δΛ; where friction does not act only −κ δΛ
+    Eigen::Matrix<double, R, D> kt = Eigen::Matrix<double, R, D>::Zero();
+    if (f.acts)
+    {
+      const Eigen::Matrix<double, D, D> dp = f.DP * f.T;
+      kt.template topRows<D>() = -w * scale.friction * law.friction * lambda * dp;
+      kt.template bottomRows<D>()
+          = w * scale.friction * scale.friction * law.friction * lambda / law.rho_t * (f.T - dp);
+    }
+    else
+      kt.template bottomRows<D>().diagonal().setConstant(-w * scale.friction * scale.friction
+                                                         * law.kappa);
+    for (int a = 0; a < B.friction * Q; ++a)
+      C.col(B.first_friction() + a) = B.phi[a / Q] * (kt * B.tangent[a]);
+  }
+  for (int a = 0; a < B.master; ++a)
+  {
+    auto column = C.template middleCols<D>(B.first_master() + a * D);
+    column = -B.M->N[a] * kz.template leftCols<D>();
+    for (int i = 0; i < Q; ++i)
+      column += B.M->dN[i][a] * kz.template middleCols<D>(D + i * D);
+  }
+  impl::expand_rows<D, F>(B, C, K);
+}
+
+/// Columns of a closed particle's tangent for the D numbers of a variation, Kinematics::m or ::e:
+/// (unknowns, D). The caller knows how they depend on degrees of freedom.
+template <int D>
+using FieldColumns = Eigen::Matrix<double, Eigen::Dynamic, D, 0, max_unknowns<D>, D>;
+
+template <int D, bool F, unsigned Drop = all_terms>
+FieldColumns<D> field_columns(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
+                              const Kinematics<D>& k, const Variation<D, D>& v,
+                              const Friction<D>& f, double w, const Scales& scale)
+{
+  const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
+  FieldColumns<D> out = FieldColumns<D>::Zero(B.size(), D);
+  impl::expand_rows<D, F>(B, impl::small_matrix<D, F, Drop>(law, lambda, k, v, f, t, w, scale),
+                          out);
+  return out;
 }
 
 } // namespace dolfinx_contact

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: MIT
 //
-// First variations of a target, a normal and a gap: (F4'), (F5'), (F6'), (F4c), (F7'), (F8') and
-// (F12).
+// First variations of a target, a normal, a gap and a slip: (F4'), (F5'), (F6'), (F4c), (F7'),
+// (F8'), (F11) and (F12).
 //
-// All of them are linear in a few local vectors, whatever the elements: the jump ⟦δu⟧, the
-// tangential derivatives ∂_α δu² of the master's displacement at the target, collected in
+// All of them are linear in a few local vectors, whatever the elements:
 //
-//     z = (⟦δu⟧, ∂_1 δu² [, ∂_2 δu²]),    D numbers each,
+//   z = (⟦δu⟧, ∂_1 δu² [, ∂_2 δu²])  the jump and the tangential derivatives of the master's
+//                                    displacement at the target, D numbers each;
+//   m = Σ_A N_A δn_A                 the variation of the master's normal field M at fixed ξ, for
+//                                    interpolated normals;
+//   δe                               that of a seek direction that turns with the slave.
 //
-// and, for interpolated normals, m = Σ_A N_A δn_A, the variation of the normal field M at fixed ξ.
-// δξ, δn and δd_n are small matrices that act on z and on m. Only the assembly knows which degrees
-// of freedom they stand for.
+// δξ, δn, δd_n and δ⟦Δu⟧ are small matrices that act on z, on m and on δe. Only the assembly knows
+// which degrees of freedom they stand for.
 #pragma once
 
 #include "../geometry/normals.h"
@@ -18,6 +20,7 @@
 #include "search.h"
 
 #include <Eigen/LU>
+#include <array>
 
 namespace dolfinx_contact
 {
@@ -27,26 +30,37 @@ namespace dolfinx_contact
 enum Term : unsigned
 {
   all_terms = 0,
-  target_curvature = 1u << 0,    // (F4') (x¹ − x²)·∂²_αβ x²
-  target_gradient = 1u << 1,     // (F4') (x¹ − x²)·∂_α δu²
-  edge_curvature = 1u << 2,      // (F4c) r·T_m ∂²_EE x²
-  edge_gradient = 1u << 3,       // (F4c) r·T_m ∂_E δu²
-  normal_gradient = 1u << 4,     // (F7') ∂_α δu² in δτ_α
-  normal_curvature = 1u << 5,    // (F7') ∂²_αβ x² δξ^β in δτ_α
-  gap_sliding = 1u << 6,         // (F12) τ_α δξ^α
-  gap_turning = 1u << 7,         // (F12) (x¹ − x²)·δn
-  traction_turning = 1u << 8,    // (F9) λ δn
-  traction_multiplier = 1u << 9, // (F9) δλ n
-  moving_target = 1u << 10,      // (F9) t·∂_α w² δξ^α
-  gap_row = 1u << 11,            // (F13) δd_n λ*
-  open_row = 1u << 12,           // (F13) δλ λ*/ρ_n
-  smooth_offset = 1u << 13,      // (F6') d ∂_α n̄
-  smooth_field = 1u << 14,       // (F6') d δn̄ at fixed ξ
-  edge_turning = 1u << 15,       // (F4c) ∂_E m
-  edge_field = 1u << 16,         // (F4c) δm at fixed ξ
-  normal_field = 1u << 17,       // (F8') δn̄ at fixed ξ
-  normal_sliding = 1u << 18,     // (F8') ∂_α n̄ δξ^α
-  last_term = normal_sliding
+  target_curvature = 1u << 0,     // (F4') (x¹ − x²)·∂²_αβ x²
+  target_gradient = 1u << 1,      // (F4') (x¹ − x²)·∂_α δu²
+  edge_curvature = 1u << 2,       // (F4c) r·T_m ∂²_EE x²
+  edge_gradient = 1u << 3,        // (F4c) r·T_m ∂_E δu²
+  normal_gradient = 1u << 4,      // (F7') ∂_α δu² in δτ_α
+  normal_curvature = 1u << 5,     // (F7') ∂²_αβ x² δξ^β in δτ_α
+  gap_sliding = 1u << 6,          // (F12) τ_α δξ^α
+  gap_turning = 1u << 7,          // (F12) (x¹ − x²)·δn
+  traction_turning = 1u << 8,     // (F9) λ δn
+  traction_multiplier = 1u << 9,  // (F9) δλ n
+  moving_target = 1u << 10,       // (F9) t·∂_α w² δξ^α
+  gap_row = 1u << 11,             // (F13) δd_n λ*
+  open_row = 1u << 12,            // (F13) δλ λ*/ρ_n
+  smooth_offset = 1u << 13,       // (F6') d ∂_α n̄
+  smooth_field = 1u << 14,        // (F6') d δn̄ at fixed ξ
+  edge_turning = 1u << 15,        // (F4c) ∂_E m
+  edge_field = 1u << 16,          // (F4c) δm at fixed ξ
+  normal_field = 1u << 17,        // (F8') δn̄ at fixed ξ
+  normal_sliding = 1u << 18,      // (F8') ∂_α n̄ δξ^α
+  seek_turning = 1u << 19,        // (F5') s δe
+  seek_edge = 1u << 20,           // (F4c) δm = δe
+  seek_normal = 1u << 21,         // δn = ±δe
+  slip_gradient = 1u << 22,       // (F11) ∂_α δu² in δ⟦Δu⟧
+  slip_sliding = 1u << 23,        // (F11) δξ in δ⟦Δu⟧
+  friction_slip = 1u << 24,       // (F11) ρ_τ T δ⟦Δu⟧
+  friction_turning = 1u << 25,    // (F11) (n·q) δn + n (δn·q)
+  friction_multiplier = 1u << 26, // (F9) δλ μ p
+  friction_row = 1u << 27,        // (F13) λ (δ(TΛ) − δp)
+  row_turning = 1u << 28,         // (F13) δn (n·Λ) + n (δn·Λ)
+  row_multiplier = 1u << 29,      // (F13) δλ (TΛ − p)
+  last_term = row_multiplier
 };
 
 /// Which normal enters the gap and the traction (formulation, section 5).
@@ -57,25 +71,117 @@ enum class NormalRule : std::int8_t
   direction     ///< n = sign(e·n_f) e
 };
 
-/// Normal, gap and their variations at one particle.
+/// δξ, δn, δd_n and δ⟦Δu⟧ as linear maps of C numbers.
+template <int D, int C>
+struct Variation
+{
+  Eigen::Matrix<double, D - 1, C> xi = Eigen::Matrix<double, D - 1, C>::Zero();
+  Eigen::Matrix<double, D, C> n = Eigen::Matrix<double, D, C>::Zero();
+  Eigen::Matrix<double, 1, C> gap = Eigen::Matrix<double, 1, C>::Zero();
+  Eigen::Matrix<double, D, C> slip = Eigen::Matrix<double, D, C>::Zero();
+};
+
+/// Normal, gap, slip and their variations at one particle.
 template <int D>
 struct Kinematics
 {
   static constexpr int Q = D - 1;
   static constexpr int Z = D + Q * D; ///< size of z
 
-  Vector<D> n = Vector<D>::Zero(); ///< inward to the master
-  Vector<D> r = Vector<D>::Zero(); ///< x¹ − x²
-  double gap = -INFINITY;          ///< d_n, positive in penetration
+  Vector<D> n = Vector<D>::Zero();    ///< inward to the master
+  Vector<D> r = Vector<D>::Zero();    ///< x¹ − x²
+  double gap = -INFINITY;             ///< d_n, positive in penetration
+  Vector<D> slip = Vector<D>::Zero(); ///< ⟦Δu⟧
 
-  Eigen::Matrix<double, Q, Z> dxi; ///< δξ = dxi z
-  Eigen::Matrix<double, D, Z> dn;  ///< δn = dn z
-  Eigen::Matrix<double, 1, Z> dgap;
+  Variation<D, Z> z;
+  Variation<D, D> m, e;
+};
 
-  /// The same for m: δξ += dxi_m m, and so on; zero without interpolated normals.
-  Eigen::Matrix<double, Q, D> dxi_m = Eigen::Matrix<double, Q, D>::Zero();
-  Eigen::Matrix<double, D, D> dn_m = Eigen::Matrix<double, D, D>::Zero();
-  Eigen::Matrix<double, 1, D> dgap_m = Eigen::Matrix<double, 1, D>::Zero();
+/// How a pair finds its targets and normals.
+struct Rules
+{
+  TargetRule target = TargetRule::proximity;
+  NormalRule normal = NormalRule::facet;
+  bool turning = false; ///< e is the slave's own normal and turns with it
+};
+
+/// The slip ⟦Δu⟧ of a particle since the last accepted step ("old"), and its first derivatives.
+template <int D>
+struct Slip
+{
+  static constexpr int Q = D - 1;
+  using Matrix = Eigen::Matrix<double, D, D>;
+  Vector<D> value = Vector<D>::Zero();
+  Matrix jump = Matrix::Zero();                                         ///< with ⟦u⟧
+  std::array<Matrix, Q> gradient;                                       ///< with ∂_α u²
+  Eigen::Matrix<double, D, Q> xi = Eigen::Matrix<double, D, Q>::Zero(); ///< with ξ
+
+  /// Convected: ⟦Δu⟧ = τ_α (c^α − c^α_old), c^α = τ^α·(x¹ − x²) and c^α_old likewise in the old
+  /// configuration, at the same target. A rigid motion changes neither, whatever the normals and
+  /// also at a clamped target; where x¹ − x² is normal to the facet, c^α = 0 and this is the
+  /// measure of the formulation, section 6.
+  /// @param p, old the target now and in the old configuration, both with curvature
+  /// @param r, r_old x¹ − x² now and in the old configuration
+  static Slip convected(const FacetPoint<D>& p, const FacetPoint<D>& old, const Vector<D>& r,
+                        const Vector<D>& r_old)
+  {
+    const Tangential now(p, r), then(old, r_old);
+    const Vector<Q> c = now.c - then.c;
+    Slip s;
+    s.value = p.tau * c;
+    s.jump = p.tau * now.inverse * p.tau.transpose();
+    for (int a = 0; a < Q; ++a)
+      s.gradient[a] = c[a] * Matrix::Identity() + p.tau * now.inverse.col(a) * now.rest.transpose()
+                      - now.c[a] * s.jump;
+    for (int b = 0; b < Q; ++b)
+      s.xi.col(b) = bend(p, b) * c + p.tau * (now.with_xi(p, b) - then.with_xi(old, b));
+    return s;
+  }
+
+  /// The paper's measure, ⟦Δu⟧ = Δu¹(X) − Δu²(Ȳ).
+  static Slip increment(const FacetPoint<D>& p, const FacetPoint<D>& old, const Vector<D>& r,
+                        const Vector<D>& r_old)
+  {
+    Slip s;
+    s.value = r - r_old;
+    s.jump.setIdentity();
+    s.gradient.fill(Matrix::Zero());
+    s.xi = old.tau - p.tau;
+    return s;
+  }
+
+private:
+  // ∂_b τ_a, columns a
+  static Eigen::Matrix<double, D, Q> bend(const FacetPoint<D>& p, int b)
+  {
+    Eigen::Matrix<double, D, Q> out;
+    for (int a = 0; a < Q; ++a)
+      out.col(a) = p.d2(a, b);
+    return out;
+  }
+
+  // c = (τᵀτ)⁻¹ τᵀ r
+  struct Tangential
+  {
+    Eigen::Matrix<double, Q, Q> inverse; // of the metric
+    Vector<Q> c;
+    Vector<D> rest; // r − τ c
+
+    Tangential(const FacetPoint<D>& p, const Vector<D>& r)
+        : inverse((p.tau.transpose() * p.tau).inverse())
+        , c(inverse * (p.tau.transpose() * r))
+        , rest(r - p.tau * c)
+    {
+    }
+
+    // ∂c/∂ξ^b, with ∂_b r = −τ_b
+    Vector<Q> with_xi(const FacetPoint<D>& p, int b) const
+    {
+      const Eigen::Matrix<double, D, Q> dtau = bend(p, b);
+      return inverse * (dtau.transpose() * rest - p.tau.transpose() * (dtau * c))
+             - Vector<Q>::Unit(b);
+    }
+  };
 };
 
 /// n̄ = M/‖M‖ at a point of a facet, and how it varies.
@@ -114,15 +220,32 @@ void place(const Surface& master, const Target<D>& t, const Vector<D>& x1, const
   k.gap = k.r.dot(k.n);
 }
 
+/// ∂n/∂τ_a of the unit normal n = ± τ_1 × τ_2/‖·‖ of a facet (F7').
+/// @param sigma the sign
+template <int D>
+Eigen::Matrix<double, D, D> normal_of_tangent(const FacetPoint<D>& p, int a, double sigma)
+{
+  const Vector<D> area = p.area_vector(), n = area.normalized();
+  Eigen::Matrix<double, D, D> P; // of the area vector
+  if constexpr (D == 2)
+    P << 0, 1, -1, 0;
+  else
+  {
+    const Vector<3> v = a == 0 ? Vector<3>(-p.tau.col(1)) : Vector<3>(p.tau.col(0));
+    P << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0; // P c = v × c
+  }
+  return sigma / area.norm() * (P - n * (n.transpose() * P));
+}
+
 namespace impl
 {
 // δξ of a target that is free to move on its facet
 template <int D, unsigned Drop>
-void free_target(TargetRule rule, const Vector<D>& e, const FacetPoint<D>& p,
+void free_target(const Rules& rules, const Vector<D>& e, const FacetPoint<D>& p,
                  const InterpolatedNormal<D>& nbar, Kinematics<D>& k)
 {
   constexpr int Q = D - 1;
-  if (rule == TargetRule::proximity)
+  if (rules.target == TargetRule::proximity)
   {
     // (F4') A δξ = ⟦δu⟧·τ_α + r·∂_α δu²,  A_αβ = τ_α·τ_β − r·∂²_αβ x²
     Eigen::Matrix<double, Q, Q> A = p.tau.transpose() * p.tau;
@@ -136,9 +259,9 @@ void free_target(TargetRule rule, const Vector<D>& e, const FacetPoint<D>& p,
     if constexpr (not(Drop & target_gradient))
       for (int a = 0; a < Q; ++a)
         rhs.template block<1, D>(a, D + a * D) = k.r.transpose();
-    k.dxi = A.inverse() * rhs;
+    k.z.xi = A.inverse() * rhs;
   }
-  else if (rule == TargetRule::smooth)
+  else if (rules.target == TargetRule::smooth)
   {
     // (F6') [τ_α + d ∂_α n̄, n̄] (δξ, δd) = ⟦δu⟧ − d δn̄
     const double d = k.r.dot(nbar.n);
@@ -146,25 +269,30 @@ void free_target(TargetRule rule, const Vector<D>& e, const FacetPoint<D>& p,
     A << p.tau, nbar.n;
     if constexpr (not(Drop & smooth_offset))
       A.template leftCols<Q>() += d * nbar.dn;
-    k.dxi.template leftCols<D>() = A.inverse().template topRows<Q>();
+    k.z.xi.template leftCols<D>() = A.inverse().template topRows<Q>();
     if constexpr (not(Drop & smooth_field))
-      k.dxi_m = -d * k.dxi.template leftCols<D>() * nbar.of_m;
+      k.m.xi = -d * k.z.xi.template leftCols<D>() * nbar.of_m;
   }
   else
   {
-    // (F5') [τ_1 τ_2 −e] (δξ, δs) = ⟦δu⟧
+    // (F5') [τ_1 τ_2 −e] (δξ, δs) = ⟦δu⟧ + s δe
     Eigen::Matrix<double, D, D> A;
     A << p.tau, -e;
-    k.dxi.template leftCols<D>() = A.inverse().template topRows<Q>();
+    k.z.xi.template leftCols<D>() = A.inverse().template topRows<Q>();
+    if constexpr (not(Drop & seek_turning))
+      if (rules.turning)
+        k.e.xi = -k.r.dot(e) * k.z.xi.template leftCols<D>();
   }
 }
 
-// δξ of a target clamped to an edge (F4c). The rule's direction m is zero for proximity, constant
-// for a seek direction and n̄ for smooth targets.
+// δξ of a target clamped to an edge (F4c). The rule's direction m is zero for proximity, e for a
+// seek direction and n̄ for smooth targets.
 template <int D, unsigned Drop>
-void clamped_target(const Vector<D>& m, const Vector<D - 1>& E, const FacetPoint<D>& p,
-                    const InterpolatedNormal<D>& nbar, bool smooth, Kinematics<D>& k)
+void clamped_target(const Rules& rules, const Vector<D>& e, const Vector<D - 1>& E,
+                    const FacetPoint<D>& p, const InterpolatedNormal<D>& nbar, Kinematics<D>& k)
 {
+  const bool smooth = rules.target == TargetRule::smooth;
+  const Vector<D> m = smooth ? k.n : e;
   const Vector<D> tau = p.tau * E;
   const double tau_m = m.dot(tau), r_m = m.dot(k.r);
   const Vector<D> b = tau - tau_m * m, rm = k.r - r_m * m;
@@ -185,10 +313,30 @@ void clamped_target(const Vector<D>& m, const Vector<D - 1>& E, const FacetPoint
   if constexpr (not(Drop & edge_gradient))
     for (int a = 0; a < D - 1; ++a) // ∂_E δu² = E^α ∂_α δu²
       deta.template segment<D>(D + a * D) = E[a] * rm.transpose() / A;
-  k.dxi = E * deta;
+  k.z.xi = E * deta;
+  const Eigen::Matrix<double, D - 1, D> of_m = -E * (tau_m * k.r + r_m * tau).transpose() / A;
   if constexpr (not(Drop & edge_field))
     if (smooth)
-      k.dxi_m = -E * ((tau_m * k.r + r_m * tau).transpose() * nbar.of_m) / A;
+      k.m.xi = of_m * nbar.of_m;
+  if constexpr (not(Drop & seek_edge))
+    if (rules.turning)
+      k.e.xi = of_m;
+}
+
+// What follows from δξ: δn from ∂n/∂ξ (`dn`), (F12) δd_n = (⟦δu⟧ − τ_α δξ^α)·n + r·δn, and the
+// slip. The parts at fixed ξ are there already.
+template <int D, unsigned Drop, int C>
+void follow(const FacetPoint<D>& p, const Eigen::Matrix<double, D, D - 1>& dn, const Slip<D>* slip,
+            const Kinematics<D>& k, Variation<D, C>& v)
+{
+  v.n += dn * v.xi;
+  if constexpr (not(Drop & gap_sliding))
+    v.gap -= (k.n.transpose() * p.tau) * v.xi;
+  if constexpr (not(Drop & gap_turning))
+    v.gap += k.r.transpose() * v.n;
+  if constexpr (not(Drop & slip_sliding))
+    if (slip)
+      v.slip += slip->xi * v.xi;
 }
 } // namespace impl
 
@@ -196,82 +344,66 @@ void clamped_target(const Vector<D>& m, const Vector<D - 1>& E, const FacetPoint
 /// @param p the target's position with its curvature
 /// @param e unit direction of (F5), zero for the other rules
 /// @param field normal field at the target, for interpolated normals (smooth targets have these)
+/// @param slip since the last accepted step, for friction
 template <int D, unsigned Drop = all_terms>
 Kinematics<D> linearise(const Surface& master, const Target<D>& t, const Vector<D>& x1,
-                        const FacetPoint<D>& p, TargetRule target_rule, NormalRule normal_rule,
-                        const Vector<D>& e, const NormalField<D>* field = nullptr)
+                        const FacetPoint<D>& p, const Rules& rules, const Vector<D>& e,
+                        const NormalField<D>* field = nullptr, const Slip<D>* slip = nullptr)
 {
   constexpr int Q = D - 1;
   Kinematics<D> k;
-  place<D>(master, t, x1, p, normal_rule, e, k, field);
-  const bool interpolated = normal_rule == NormalRule::interpolated;
+  place<D>(master, t, x1, p, rules.normal, e, k, field);
+  const bool interpolated = rules.normal == NormalRule::interpolated;
   const InterpolatedNormal<D> nbar
       = interpolated ? InterpolatedNormal<D>(*field) : InterpolatedNormal<D>();
 
-  k.dxi.setZero();
   if (t.clamp == Clamp::none)
-    impl::free_target<D, Drop>(target_rule, e, p, nbar, k);
+    impl::free_target<D, Drop>(rules, e, p, nbar, k);
   else if (t.clamp == Clamp::edge)
-  {
-    const bool smooth = target_rule == TargetRule::smooth;
-    impl::clamped_target<D, Drop>(smooth ? k.n : e,
-                                  FacetProjection<D>::edge_direction(master.ref.shape, t.edge), p,
-                                  nbar, smooth, k);
-  }
+    impl::clamped_target<D, Drop>(
+        rules, e, FacetProjection<D>::edge_direction(master.ref.shape, t.edge), p, nbar, k);
 
-  k.dn.setZero();
-  if (normal_rule == NormalRule::facet)
+  Eigen::Matrix<double, D, Q> dn = Eigen::Matrix<double, D, Q>::Zero(); // ∂n/∂ξ
+  if (rules.normal == NormalRule::facet)
   {
     // (F7') δn = ± T (δτ_1 × τ_2 + τ_1 × δτ_2) / ‖τ_1 × τ_2‖,  δτ_α = ∂_α δu² + ∂²_αβ x² δξ^β
-    const Vector<D> area = p.area_vector();
-    const double scale = master.sigma[t.facet] / area.norm();
-    const Eigen::Matrix<double, D, D> T
-        = Eigen::Matrix<double, D, D>::Identity() - k.n * k.n.transpose();
     for (int a = 0; a < Q; ++a)
     {
-      // P δτ_a is the variation of the area vector with τ_a
-      Eigen::Matrix<double, D, D> P;
-      if constexpr (D == 2)
-        P << 0, 1, -1, 0;
-      else
-      {
-        const Vector<3> v = a == 0 ? Vector<3>(-p.tau.col(1)) : Vector<3>(p.tau.col(0));
-        P << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0; // P c = v × c
-      }
-      P = scale * T * P;
+      const Eigen::Matrix<double, D, D> P
+          = normal_of_tangent<D>(p, a, double(master.sigma[t.facet]));
       if constexpr (not(Drop & normal_gradient))
-        k.dn.template middleCols<D>(D + a * D) += P;
+        k.z.n.template middleCols<D>(D + a * D) += P;
       if constexpr (not(Drop & normal_curvature))
         for (int b = 0; b < Q; ++b)
-          k.dn += P * p.d2(a, b) * k.dxi.row(b);
+          dn.col(b) += P * p.d2(a, b);
     }
   }
-
   else if (interpolated)
   {
     // (F8') δn = δn̄|_ξ + ∂_α n̄ δξ^α
     if constexpr (not(Drop & normal_field))
-      k.dn_m += nbar.of_m;
+      k.m.n = nbar.of_m;
     if constexpr (not(Drop & normal_sliding))
-    {
-      k.dn += nbar.dn * k.dxi;
-      k.dn_m += nbar.dn * k.dxi_m;
-    }
+      dn = nbar.dn;
   }
+  else if constexpr (not(Drop & seek_normal))
+    if (rules.turning) // n = ±e
+      k.e.n.diagonal().setConstant(k.n.dot(e) < 0 ? -1 : 1);
 
-  // (F12) δd_n = (⟦δu⟧ − τ_α δξ^α)·n + r·δn
-  k.dgap.setZero();
-  k.dgap.template leftCols<D>() = k.n.transpose();
-  if constexpr (not(Drop & gap_sliding))
+  k.z.gap.template leftCols<D>() = k.n.transpose();
+  if (slip)
   {
-    k.dgap -= (k.n.transpose() * p.tau) * k.dxi;
-    k.dgap_m -= (k.n.transpose() * p.tau) * k.dxi_m;
+    k.slip = slip->value;
+    k.z.slip.template leftCols<D>() = slip->jump;
+    if constexpr (not(Drop & slip_gradient))
+      for (int a = 0; a < Q; ++a)
+        k.z.slip.template middleCols<D>(D + a * D) = slip->gradient[a];
   }
-  if constexpr (not(Drop & gap_turning))
-  {
-    k.dgap += k.r.transpose() * k.dn;
-    k.dgap_m += k.r.transpose() * k.dn_m;
-  }
+  impl::follow<D, Drop>(p, dn, slip, k, k.z);
+  if (interpolated)
+    impl::follow<D, Drop>(p, dn, slip, k, k.m);
+  if (rules.turning)
+    impl::follow<D, Drop>(p, dn, slip, k, k.e);
   return k;
 }
 

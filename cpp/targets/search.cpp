@@ -48,17 +48,17 @@ void Search<D>::refit(const Surface& master)
 
 // Lower bound of the cost of all facets in a box; a line may pass it beside by `reach`.
 template <int D>
-double Search<D>::bound(const Box<D>& box, const Vector<D>& x, double reach) const
+double Search<D>::bound(const Box<D>& box, const Query& q, double reach) const
 {
   if (_options.rule != TargetRule::direction)
-    return std::sqrt(box.distance2(x.array())); // ‖x¹ − x²‖ is |d| for smooth targets too
+    return std::sqrt(box.distance2(q.x.array())); // ‖x¹ − x²‖ is |d| for smooth targets too
 
   // smallest |s| for which x + s e is in the box grown by the reach
   double lo = -INFINITY, hi = INFINITY;
   for (int i = 0; i < D; ++i)
   {
-    const double a = box.lo[i] - reach - x[i], b = box.hi[i] + reach - x[i];
-    const double e = _options.direction[i];
+    const double a = box.lo[i] - reach - q.x[i], b = box.hi[i] + reach - q.x[i];
+    const double e = q.e[i];
     if (std::abs(e) < 1e-14)
     {
       if (a > 0 or b < 0)
@@ -81,7 +81,7 @@ template <int D>
 Vector<D> Search<D>::direction(const Query& q, const Target<D>& t) const
 {
   if (_options.rule == TargetRule::direction)
-    return _options.direction;
+    return q.e;
   if (_options.rule == TargetRule::smooth)
     return SmoothProjection<D>(q.master, t.facet, *q.normals).normal(t.xi);
   const FacetProjection<D> facet(q.master, t.facet);
@@ -98,7 +98,7 @@ bool Search<D>::faces(const Query& q, const FacetProjection<D>& facet, const Tar
   const Vector<D> n = facet.normal(facet.at(t.xi, false));
   if (n.dot(q.outward) < 0)
     return false;
-  return _options.rule == TargetRule::proximity or std::abs(n.dot(_options.direction)) >= grazing;
+  return _options.rule == TargetRule::proximity or std::abs(n.dot(q.e)) >= grazing;
 }
 
 // True if a clamped target lies on a physical end of the surface.
@@ -155,7 +155,7 @@ auto Search<D>::on_facet(const Query& q, int f, const Vector<Q>* start) const ->
     double s = 0;
     const bool solved = _options.rule == TargetRule::smooth
                             ? SmoothProjection<D>(q.master, f, *q.normals).solve(q.x, t.xi, s)
-                            : facet.intersect(q.x, _options.direction, t.xi, s);
+                            : facet.intersect(q.x, q.e, t.xi, s);
     if (not solved or facet.outside(t.xi) > inside)
       return found;
     found.cost = std::abs(s);
@@ -180,7 +180,7 @@ auto Search<D>::at_end(const Query& q, int f) const -> Found
     Target<D> t;
     const double cost = _options.rule == TargetRule::smooth
                             ? SmoothProjection<D>(q.master, f, *q.normals).clamp(q.x, e, t)
-                            : std::sqrt(facet.clamp(q.x, _options.direction, e, t));
+                            : std::sqrt(facet.clamp(q.x, q.e, e, t));
     if (cost < found.cost and within_end(q, t)
         and std::abs(direction(q, t).dot(q.x - facet.at(t.xi, false).x)) <= _options.radius
         and faces(q, facet, t))
@@ -215,7 +215,7 @@ auto Search<D>::keep(const Query& q, const Target<D>& former, double cost) const
   double s = 0;
   const bool proximity = _options.rule == TargetRule::proximity;
   const bool solved
-      = proximity ? facet.closest(q.x, t.xi) : facet.intersect(q.x, _options.direction, t.xi, s);
+      = proximity ? facet.closest(q.x, t.xi) : facet.intersect(q.x, q.e, t.xi, s);
   if (solved and facet.outside(t.xi) <= _options.margin and not facet.beyond_end(t.xi, inside))
   {
     const double c = proximity ? (q.x - facet.at(t.xi, false).x).norm() : std::abs(s);
@@ -237,7 +237,7 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
 {
   Found best;
   const double slack = tie * _largest;
-  auto key = [&](const Box<D>& box) { return bound(box, q.x, inside * _largest); };
+  auto key = [&](const Box<D>& box) { return bound(box, q, inside * _largest); };
   double limit = _options.radius;
   if (former.facet >= 0) // a warm start bounds the search
   {
@@ -264,7 +264,7 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
   }
   if (best.target.facet < 0 and _options.rule != TargetRule::proximity)
     _tree.descend(
-        [&](const Box<D>& box) { return bound(box, q.x, _options.end_tolerance * _largest); },
+        [&](const Box<D>& box) { return bound(box, q, _options.end_tolerance * _largest); },
         [&](int f)
         {
           if (q.master.candidate[f])

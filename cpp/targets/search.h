@@ -20,10 +20,17 @@ template <int D>
 struct SearchOptions
 {
   TargetRule rule = TargetRule::proximity;
-  Vector<D> direction = Vector<D>::Zero(); ///< unit vector e of (F5), zero for proximity
   double radius = INFINITY;                ///< d_max: farther points are no targets
   double end_tolerance = 0.5; ///< overshoot of a physical end that is still clamped, relative
   double margin = 1e-2;       ///< the former facet is kept while ξ is so near to it
+};
+
+template <int D>
+struct Seeker
+{
+  Vector<D> x;                     ///< its position
+  Vector<D> outward;               ///< unit outward normal of the slave there
+  Vector<D> e = Vector<D>::Zero(); ///< unit direction of (F5), zero for the other rules
 };
 
 /// Search of targets on the whole current master surface (the application A of the formulation).
@@ -39,16 +46,10 @@ public:
   /// The master has moved: refit the tree.
   void refit(const Surface& master);
 
-  /// Target of one particle.
-  /// @param x position of the particle
-  /// @param outward unit outward normal of the slave there; facets that do not face it are refused
-  /// @param former the target of the last evaluation, kept within the margin (no facet flipping;
-  /// smooth targets have no need of it)
-  /// @param normals of the master, for smooth targets
-  Target<D> find(const Surface& master, const Vector<D>& x, const Vector<D>& outward,
-                 const Target<D>& former, const NodalNormals<D>* normals = nullptr) const
+  Target<D> find(const Surface& master, const Seeker<D>& seeker, const Target<D>& former,
+                 const NodalNormals<D>* normals = nullptr) const
   {
-    return find(Query{master, x, outward, normals}, former);
+    return find(Query{master, seeker.x, seeker.outward, seeker.e, normals}, former);
   }
 
 private:
@@ -58,12 +59,10 @@ private:
     double cost = INFINITY; // distance (F4) or |s| (F5)
   };
 
-  // A particle in search of its target.
   struct Query
   {
     const Surface& master;
-    const Vector<D>& x;
-    const Vector<D>& outward;
+    const Vector<D>&x, &outward, &e;
     const NodalNormals<D>* normals;
   };
 
@@ -75,7 +74,7 @@ private:
   bool on_end(const FacetProjection<D>& facet, const Target<D>& t) const;
   bool within_end(const Query& q, const Target<D>& t) const;
   Vector<D> direction(const Query& q, const Target<D>& t) const;
-  double bound(const Box<D>& box, const Vector<D>& x, double reach) const;
+  double bound(const Box<D>& box, const Query& q, double reach) const;
   void best_of(const Query& q, const Found& found, Found& best) const;
 
   SearchOptions<D> _options;

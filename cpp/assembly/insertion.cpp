@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: MIT
+//
+// What an Assembler writes into PETSc's vectors and matrices.
+#include "assembler.h"
+#include "petsc_check.h"
+
+#include <algorithm>
+#include <array>
+
+namespace dolfinx_contact
+{
+
+template <int D>
+CouplingBasis<D> Assembler<D>::basis(int f, int p, std::vector<Vector<D>>& tangent) const
+{
+  constexpr int Q = D - 1;
+  CouplingBasis<D> b;
+  b.N = _displacement[p].N;
+  b.slave = _slave.nu();
+  b.multiplier = _particles.multiplier.nodes();
+  b.psi = &_psi[p * b.multiplier];
+  b.friction = _friction.nodes();
+  if (b.friction > 0)
+  {
+    b.phi = &_phi[p * b.friction];
+    tangent.clear();
+    for (int a = 0; a < b.friction; ++a)
+      for (int i = 0; i < Q; ++i)
+        tangent.push_back(_friction.tangent[_friction.local[f * b.friction + a] * Q + i]);
+    b.tangent = tangent.data();
+  }
+  return b;
+}
+
+// System dofs of a pair, in the order of the coupling: slave, multiplier, friction, master (if
+// any).
+template <int D>
+void Assembler<D>::dofs_of(int facet, int target, std::vector<PetscInt>& dofs) const
+{
+  constexpr int Q = D - 1;
+  dofs.clear();
+  auto add_nodes = [&](const Surface& s, int f, const std::vector<PetscInt>& table)
+  {
+    for (int a = 0; a < s.nu(); ++a)
+      for (int i = 0; i < D; ++i)
+        dofs.push_back(table[s.local[f * s.nu() + a] * D + i]);
+  };
+  add_nodes(_slave, facet, _slave_dofs);
+  const int nl = _particles.multiplier.nodes(), nf = _friction.nodes();
+  for (int a = 0; a < nl; ++a)
+    dofs.push_back(_multiplier_dofs[_multiplier_local[facet * nl + a]]);
+  for (int a = 0; a < nf; ++a)
+    for (int i = 0; i < Q; ++i)
+      dofs.push_back(_friction.dofs[_friction.local[facet * nf + a] * Q + i]);
+  if (target >= 0 and not _tool)
+    add_nodes(_master, target, _master_dofs);
+}
+
+// Visit the particles of a slave facet grouped by target: visit(target, particles). Open particles
+// are grouped as target −1: nothing couples them to a master.
+template <int D>
+template <typename Visit>
+void Assembler<D>::for_each_pair(int facet, Visit visit) const
+{
+  const int np = _particles.rule.size();
+  auto target = [&](int p)
+  {
+    const State& s = _states[facet * np + p];
+    return s.closed ? s.target.facet : -1;
+  };
+  std::vector<int> order(np);
+  for (int p = 0; p < np; ++p)
+    order[p] = p;
+  std::sort(order.begin(), order.end(),
+            [&](int a, int b) { return std::pair(target(a), a) < std::pair(target(b), b); });
+  for (int begin = 0, end; begin < np; begin = end)
+  {
+    for (end = begin; end < np and target(order[end]) == target(order[begin]);)
+      ++end;
+    visit(target(order[begin]), std::span(order).subspan(begin, end - begin));
+  }
+}
+
+template <int D>
+void Assembler<D>::residual(::Vec b) const
+{
+  check(VecSetOption(b, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE), "VecSetOption");
+  const int np = _particles.rule.size();
+  std::vector<PetscInt> dofs;
+  std::vector<Vector<D>> tangent;
+  PairVector<D> block;
+  BasisValues M;
+  for (int f = 0; f < _own; ++f)
+    for_each_pair(f,
+                  [&](int target, std::span<const int> particles)
+                  {
+                    dofs_of(f, target, dofs);
+                    block.setZero(dofs.size());
+                    for (int p : particles)
+                    {
+                      const State& s = _states[f * np + p];
+                      CouplingBasis<D> B = basis(f, p, tangent);
+                      if (target >= 0 and not _tool)
+                      {
+                        _master.ref.displacement.tabulate(s.target.xi.data(), M);
+                        B.M = &M;
+                        B.master = _master.nu();
+                      }
+                      add_residual<D>(B, _options.law, s.closed, s.lambda, s.gap, traction_at(s),
+                                      s.Lambda, friction_at(s), _particles.weight[f * np + p],
+                                      _options.scale, block);
+                    }
+                    check(VecSetValues(b, dofs.size(), dofs.data(), block.data(), ADD_VALUES),
+                          "VecSetValues");
+                  });
+}
+
+// Columns of a pair's tangent that stand for the nodal normals n_A at the corners of a facet (F8'):
+// one (unknowns, D) block for each. They are summed over the particles of the pair, and multiplied
+// by ∂n_A/∂u once.
+template <int D>
+struct Assembler<D>::FieldSums
+{
+  std::array<FieldColumns<D>, 4> corner;
+  std::unordered_map<int, NormalDerivative<D>> derivatives; // of the facets met so far
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values;
+
+  void reset(const Surface& s, std::size_t size)
+  {
+    for (int c = 0; c < s.nv(); ++c)
+      corner[c].setZero(size, D);
+  }
+
+  // columns: for M = Σ_A N_A n_A at ξ
+  void add(const Surface& s, const double* xi, const FieldColumns<D>& columns)
+  {
+    double N[4], dN[2][4];
+    corner_basis(s.ref.shape, xi, N, dN);
+    for (int c = 0; c < s.nv(); ++c)
+      corner[c] += N[c] * columns;
+  }
+
+  // Σ_A columns_A ∂n_A/∂u in `values`, and the nodes that its columns stand for
+  const std::vector<std::int32_t>& finish(const Surface& s, const NodalNormals<D>& normals, int f)
+  {
+    auto it = derivatives.find(f);
+    if (it == derivatives.end())
+      it = derivatives.emplace(f, normals.derivative(s, f)).first;
+    const NormalDerivative<D>& d = it->second;
+    values = corner[0] * d.dn[0];
+    for (int c = 1; c < s.nv(); ++c)
+      values += corner[c] * d.dn[c];
+    return d.nodes;
+  }
+};
+
+template <int D>
+void Assembler<D>::tangent(Mat A) const
+{
+  if (_friction.nodes() > 0)
+    tangent<true>(A);
+  else
+    tangent<false>(A);
+}
+
+template <int D>
+template <bool F>
+void Assembler<D>::tangent(Mat A) const
+{
+  const int np = _particles.rule.size(), Q = D - 1;
+  const bool field = interpolated() and not _tool, turns = turns_smoothly() and not _tool;
+  std::vector<PetscInt> dofs, ring;
+  std::vector<Vector<D>> tangents;
+  PairMatrix<D> block;
+  BasisValues P, M;
+  const bool same = _tool or _master.ref.isoparametric();
+  FieldSums of_master, of_slave;
+  auto insert = [&](const std::vector<PetscInt>& columns, const double* values)
+  {
+    check(MatSetValues(A, dofs.size(), dofs.data(), columns.size(), columns.data(), values,
+                       ADD_VALUES),
+          "MatSetValues (contact tangent)");
+  };
+  for (int f = 0; f < _own; ++f)
+    for_each_pair(
+        f,
+        [&](int target, std::span<const int> particles)
+        {
+          dofs_of(f, target, dofs);
+          block.setZero(dofs.size(), dofs.size());
+          if (field and target >= 0)
+            of_master.reset(_master, dofs.size());
+          if (turns)
+            of_slave.reset(_slave, dofs.size());
+          for (int p : particles)
+          {
+            const State& s = _states[f * np + p];
+            const double w = _particles.weight[f * np + p];
+            CouplingBasis<D> B = basis(f, p, tangents);
+            if (target < 0)
+            {
+              add_open_tangent<D>(B, _options.law, w, _options.scale, block);
+              continue;
+            }
+            if (not _tool)
+            {
+              _master.ref.position.tabulate(s.target.xi.data(), P, true);
+              if (not same)
+                _master.ref.displacement.tabulate(s.target.xi.data(), M);
+              B.M = same ? &P : &M;
+              B.master = _master.nu();
+            }
+            const Kinematics<D> k = kinematics(s, f, p, P);
+            const Friction<D> friction = friction_at(s);
+            const ContactLaw law = this->law(s);
+            add_closed_tangent<D, F>(B, law, s.lambda, k, friction, w, _options.scale, block);
+            auto columns = [&](const Variation<D, D>& v)
+            { return field_columns<D, F>(B, law, s.lambda, k, v, friction, w, _options.scale); };
+            if (field)
+              of_master.add(_master, s.target.xi.data(), columns(k.m));
+            const double* xi = &_particles.rule.points[p * Q];
+            if (turns)
+            {
+              // e = −M/‖M‖ with the slave's M
+              const InterpolatedNormal<D> nbar(_slave_normals.at(_slave, f, xi));
+              of_slave.add(_slave, xi, -columns(k.e) * nbar.of_m);
+            }
+            else if (_options.rules.turning and not _tool)
+            {
+              // the slave facet's own normal: δe = Σ_α (∂e/∂τ_α) ∂_α δu¹
+              const FacetPoint<D> own
+                  = evaluate<D>(_slave.facet_x(f), _slave.np(), _position[p], false);
+              const FieldColumns<D> e = columns(k.e);
+              for (int i = 0; i < Q; ++i)
+              {
+                const FieldColumns<D> with = e * normal_of_tangent<D>(own, i, -_slave.sigma[f]);
+                for (int a = 0; a < B.slave; ++a)
+                  block.template middleCols<D>(a * D) += _displacement[p].dN[i][a] * with;
+              }
+            }
+          }
+          insert(dofs, block.data());
+          if (field and target >= 0)
+          {
+            node_dofs(of_master.finish(_master, _normals, target), _master_dofs, ring);
+            insert(ring, of_master.values.data());
+          }
+          if (turns and target >= 0)
+          {
+            node_dofs(of_slave.finish(_slave, _slave_normals, f), _slave_dofs, ring);
+            insert(ring, of_slave.values.data());
+          }
+        });
+}
+
+template <int D>
+void Assembler<D>::node_dofs(const std::vector<std::int32_t>& nodes,
+                             const std::vector<PetscInt>& table, std::vector<PetscInt>& dofs) const
+{
+  dofs.clear();
+  for (const std::int32_t node : nodes)
+    for (int i = 0; i < D; ++i)
+      dofs.push_back(table[node * D + i]);
+}
+
+template <int D>
+void Assembler<D>::insert_pattern(Mat A, bool remember)
+{
+  const int np = _particles.rule.size();
+  if (remember)
+    _pattern.assign(_own, {});
+  std::vector<PetscInt> dofs, ring;
+  std::vector<PetscScalar> zeros;
+  std::vector<int> targets;
+  auto insert = [&](const std::vector<PetscInt>& columns)
+  {
+    zeros.assign(dofs.size() * columns.size(), 0.0);
+    check(MatSetValues(A, dofs.size(), dofs.data(), columns.size(), columns.data(), zeros.data(),
+                       ADD_VALUES),
+          "MatSetValues (contact pattern)");
+  };
+  for (int f = 0; f < _own; ++f)
+  {
+    targets.assign(1, -1);
+    for (int p = 0; p < np and not _tool; ++p)
+      if (const int t = _states[f * np + p].target.facet; t >= 0)
+        targets.insert(targets.end(), _near.begin() + _near_offset[t],
+                       _near.begin() + _near_offset[t + 1]);
+    std::sort(targets.begin(), targets.end());
+    targets.erase(std::unique(targets.begin(), targets.end()), targets.end());
+    for (int t : targets)
+    {
+      if (t >= 0 and not _master.candidate[t])
+        continue;
+      dofs_of(f, t, dofs);
+      insert(dofs);
+      if (interpolated() and t >= 0)
+      {
+        node_dofs(_normals.nodes(_master, t), _master_dofs, ring);
+        insert(ring);
+      }
+      if (turns_smoothly() and t >= 0)
+      {
+        node_dofs(_slave_normals.nodes(_slave, f), _slave_dofs, ring);
+        insert(ring);
+      }
+      if (remember and t >= 0)
+        _pattern[f].push_back(_master.id[t]); // sorted: facets are
+    }
+  }
+}
+
+template <int D>
+bool Assembler<D>::pattern_holds() const
+{
+  const int np = _particles.rule.size();
+  if (static_cast<int>(_pattern.size()) != _own)
+    return false;
+  for (int f = 0; f < _own; ++f)
+    for (int p = 0; p < np; ++p)
+    {
+      const State& s = _states[f * np + p];
+      if (s.closed and not _tool
+          and not std::binary_search(_pattern[f].begin(), _pattern[f].end(),
+                                     _master.id[s.target.facet]))
+        return false;
+    }
+  return true;
+}
+
+// the members of this file; assembler.cpp instantiates the others
+template CouplingBasis<2> Assembler<2>::basis(int, int, std::vector<Vector<2>>&) const;
+template CouplingBasis<3> Assembler<3>::basis(int, int, std::vector<Vector<3>>&) const;
+template void Assembler<2>::dofs_of(int, int, std::vector<PetscInt>&) const;
+template void Assembler<3>::dofs_of(int, int, std::vector<PetscInt>&) const;
+template void Assembler<2>::node_dofs(const std::vector<std::int32_t>&,
+                                      const std::vector<PetscInt>&, std::vector<PetscInt>&) const;
+template void Assembler<3>::node_dofs(const std::vector<std::int32_t>&,
+                                      const std::vector<PetscInt>&, std::vector<PetscInt>&) const;
+template void Assembler<2>::residual(::Vec) const;
+template void Assembler<3>::residual(::Vec) const;
+template void Assembler<2>::tangent(Mat) const;
+template void Assembler<3>::tangent(Mat) const;
+template void Assembler<2>::insert_pattern(Mat, bool);
+template void Assembler<3>::insert_pattern(Mat, bool);
+template bool Assembler<2>::pattern_holds() const;
+template bool Assembler<3>::pattern_holds() const;
+
+} // namespace dolfinx_contact

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: MIT
+"""Friction unknowns of a pair: Λ = Σ_A φ_A t_Aα Λ_Aα, in tangents of the slave's nodes (F3).
+
+The tangents are built from the slave's interpolated normals and frozen while a step is solved.
+Friction depends on TΛ alone, hence on no choice of tangents in the plane.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from . import compat
+from .held import agreed, local_dofs
+
+# A tangent whose free part is shorter than this is held: exactly 0 on a plane of symmetry, but for
+# the tilt of an interpolated normal there
+_FREE = 0.5
+
+
+class FrictionUnknowns:
+    """Tangents of the friction space's nodes, and which of its unknowns are held. Collective.
+
+    Args:
+        pair: with friction
+    """
+
+    def __init__(self, pair: Any):
+        self._pair = pair
+        mesh, dim = pair.slave.mesh, pair.slave.dim
+        self.function = pair._semi_multiplier  # (local nodes × (dim − 1)) numbers
+        self._vectors = fem.Function(compat.function_space(mesh, tuple(pair.friction_space), dim))
+        self.local = local_dofs(pair, self.function, len(pair._phi[2]))
+        self.tangents: npt.NDArray[np.float64] | None = None
+        self.held = np.zeros(len(self.function.x.array), dtype=bool)
+
+    def choose(
+        self, normals: npt.NDArray[np.float64], free: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.float64]:
+        """New tangents for a step, as near to the former ones as the normals allow. Collective.
+
+        Args:
+            normals: the slave's at the nodes of each own facet, (facets, nodes, dim)
+            free: components in which the slave or its target may move there, same shape
+
+        Returns:
+            t_Aα, (local nodes, dim − 1, dim)
+        """
+        dim = self._pair.slave.dim
+        self._vectors.x.array[:] = 0.0
+        np.add.at(self._vectors.x.array.reshape(-1, dim), self.local, normals)
+        compat.scatter_reverse_add(self._vectors)
+        self._vectors.x.scatter_forward()  # bitwise the owner's on all ranks
+        n = self._vectors.x.array.reshape(-1, dim).copy()
+        length = np.linalg.norm(n, axis=1, keepdims=True)
+        n = np.divide(n, length, out=np.tile(np.eye(dim)[-1], (len(n), 1)), where=length > 0)
+        moves = agreed(self._vectors, self.local, free, any_facet=True).reshape(-1, dim)
+
+        t = np.empty((len(n), dim - 1, dim))
+        if dim == 2:
+            t[:, 0] = np.column_stack([-n[:, 1], n[:, 0]])
+        else:
+            t[:, 0] = self._first_tangent(n, moves)
+            t[:, 1] = np.cross(n, t[:, 0])
+        self.tangents = t
+        free_part = np.linalg.norm(t * moves[:, None, :], axis=2)
+        self.held = (free_part < _FREE).ravel()
+        return t
+
+    def _first_tangent(
+        self, n: npt.NDArray[np.float64], moves: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.float64]:
+        """Along a held component where there is one, else the former tangent, turned with n."""
+        wish = np.eye(3)[np.argmin(np.round(np.abs(n), 6), axis=1)]
+        if self.tangents is not None:
+            wish = self.tangents[:, 0]
+        stuck = ~moves & (np.abs(n) < 0.9)
+        some = stuck.any(axis=1)
+        wish = np.where(some[:, None], np.eye(3)[np.argmax(stuck, axis=1)], wish)
+        t, size = _project(wish, n)
+        other, _ = _project(np.eye(3)[np.argmin(np.abs(n), axis=1)], n)
+        return np.where(size > 0.1, t, other)
+
+    def vectors(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Λ at the local nodes, (nodes, dim), from the local unknowns."""
+        dim = self._pair.slave.dim
+        if self.tangents is None:
+            return np.zeros((len(values) // (dim - 1), dim))
+        return np.einsum("na,nai->ni", values.reshape(-1, dim - 1), self.tangents)
+
+
+def _project(
+    v: npt.NDArray[np.float64], n: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Unit tangential parts of vectors, and their former lengths; (n, dim) and (n, 1)."""
+    t = v - n * np.sum(n * v, axis=1, keepdims=True)
+    size = np.linalg.norm(t, axis=1, keepdims=True)
+    return t / np.maximum(size, np.finfo(float).tiny), size
