@@ -20,6 +20,7 @@ from .errors import ContactError, ConvergenceError, InputError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
 from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, SlaveNormal, Smooth
+from .stepping import LoadStepping, Step
 from .strategy import Newton, Report
 from .surface import Surface
 from .tools import RigidPlane
@@ -32,6 +33,7 @@ __all__ = [
     "ConvergenceError",
     "Gauss",
     "InputError",
+    "LoadStepping",
     "Lobatto",
     "Newton",
     "Nodes",
@@ -43,6 +45,7 @@ __all__ = [
     "Simpson",
     "SlaveNormal",
     "Smooth",
+    "Step",
     "Surface",
     "meshes",
     "plot",

@@ -197,6 +197,8 @@ class PairAssembly:
         else:
             self._old_motion = self._tool.motion()
         self._old = slave, master
+        if self._friction is not None:
+            self._friction.accept()
         self._tell_old()
 
     def _tell_old(self) -> None:
@@ -207,9 +209,35 @@ class PairAssembly:
         elif np.isfinite(self._changed_since):  # there are master facets
             self.assembler.remember(self._slave_values(slave), self._master_values(master))
 
+    def begin_step(self) -> None:
+        """A step begins: forget the status changes of the last one, choose the tangents of friction.
+
+        Needs the displacements of the last accepted step. Collective.
+        """
+        if self._friction is None:
+            self.assembler.begin_step(-1.0)
+            return
+        self.update(at_rest=True)
+        self.assembler.begin_step(self.pair.initial_contact)
+        powers, coefficients, nodes = self.pair._phi
+        continuous = self.pair.friction_space[0] not in ("DG", "Discontinuous Lagrange", "DP")
+        free = self.assembler.nodes()[2]
+        tangents = self._friction.choose(
+            self.assembler.slave_normals(nodes, continuous), free[:, -len(nodes) :]
+        )
+        self._friction.held |= self._excluded_friction
+        self.pair._semi_multiplier.x.array[self._friction.held] = 0.0
+        dofs = self._layout.local_dofs(self.friction_block)
+        with together(self._comm, "contact set-up"):
+            self.assembler.set_friction(
+                _cpp.TraceBasis(nodes.shape[1], powers, coefficients),
+                self._friction.local,
+                np.where(self._friction.held, -1, dofs),
+                tangents,
+            )
+
     def hold(self) -> None:
-        """Hold the multipliers without a free gap or slip at zero, and those the user excludes;
-        choose the tangents of friction.
+        """Hold the multipliers without a free gap at zero, and those the user excludes.
 
         Needs the surfaces in place, thus one call of ``update`` before. Collective.
         """
@@ -225,26 +253,6 @@ class PairAssembly:
         pair._multiplier.x.array[self._held] = 0.0
         dofs = self._layout.local_dofs(self.multiplier_block)
         self.assembler.set_multiplier_dofs(np.where(self._held, -1, dofs))
-        if self._friction is not None:
-            self._choose_tangents(free[:, nl:])
-        self.assembler.begin_step()
-
-    def _choose_tangents(self, free: npt.NDArray[np.bool_]) -> None:
-        pair, friction = self.pair, self._friction
-        powers, coefficients, nodes = pair._phi
-        continuous = pair.friction_space[0] not in ("DG", "Discontinuous Lagrange", "DP")
-        normals = self.assembler.slave_normals(nodes, continuous)
-        tangents = friction.choose(normals, free)
-        friction.held |= self._excluded_friction
-        pair._semi_multiplier.x.array[friction.held] = 0.0
-        dofs = self._layout.local_dofs(self.friction_block)
-        with together(self._comm, "contact set-up"):
-            self.assembler.set_friction(
-                _cpp.TraceBasis(nodes.shape[1], powers, coefficients),
-                friction.local,
-                np.where(friction.held, -1, dofs),
-                tangents,
-            )
 
     def held_rows(self) -> npt.NDArray[Any]:
         """System dofs of the held multipliers that this rank owns."""
@@ -260,11 +268,12 @@ class PairAssembly:
 
     # -- every iteration ------------------------------------------------------------------------
 
-    def update(self, close: float = -1.0) -> int:
+    def update(self, close: float = -1.0, at_rest: bool = False) -> int:
         """Move the surfaces to the present displacements, search, decide statuses. Collective.
 
         Args:
             close: see Assembler.update (initial contact), negative: none
+            at_rest: a rigid tool is where it was at the last accepted step
 
         Returns:
             number of particles over all ranks whose status changed
@@ -285,7 +294,8 @@ class PairAssembly:
             master = self._master_values()
         else:
             master = np.zeros(0)
-            self._tool._place(self.assembler, self._old_motion)
+            now = self._old_motion if at_rest else self._tool.motion()
+            self._tool._place(self.assembler, now, self._old_motion)
         friction = self.pair._semi_multiplier
         changes = 0
         with together(self._comm, "contact search"):

@@ -35,7 +35,12 @@ class FrictionUnknowns:
         self._vectors = fem.Function(compat.function_space(mesh, tuple(pair.friction_space), dim))
         self.local = local_dofs(pair, self.function, len(pair._phi[2]))
         self.tangents: npt.NDArray[np.float64] | None = None
+        self._accepted: npt.NDArray[np.float64] | None = None
         self.held = np.zeros(len(self.function.x.array), dtype=bool)
+
+    def accept(self) -> None:
+        """The present tangents are those of an accepted step: the next ones follow them."""
+        self._accepted = self.tangents
 
     def choose(
         self, normals: npt.NDArray[np.float64], free: npt.NDArray[np.bool_]
@@ -75,8 +80,8 @@ class FrictionUnknowns:
     ) -> npt.NDArray[np.float64]:
         """Along a held component where there is one, else the former tangent, turned with n."""
         wish = np.eye(3)[np.argmin(np.round(np.abs(n), 6), axis=1)]
-        if self.tangents is not None:
-            wish = self.tangents[:, 0]
+        if self._accepted is not None:
+            wish = self._accepted[:, 0]
         stuck = ~moves & (np.abs(n) < 0.9)
         some = stuck.any(axis=1)
         wish = np.where(some[:, None], np.eye(3)[np.argmax(stuck, axis=1)], wish)

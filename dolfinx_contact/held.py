@@ -85,7 +85,7 @@ def agreed(
     said = on_facets if any_facet else ~on_facets
     size = votes.function_space.dofmap.index_map_bs
     table = votes.x.array.reshape(-1, size)
-    np.maximum.at(table, dofs, said.reshape(*dofs.shape, -1).astype(float))
+    np.maximum.at(table, dofs, said.reshape(*dofs.shape, size).astype(float))
     compat.scatter_reverse_add(votes)
     votes.x.scatter_forward()
     return (votes.x.array > 0.5) == any_facet

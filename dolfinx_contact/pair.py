@@ -340,7 +340,9 @@ class Particles:
             position=table["x"],
             gap=table["gap"],
             pressure=pressure + 0.0,
-            status=np.select([~closed, table["rubs"] & ~table["slips"]], ["open", "stick"], "slip"),
+            status=np.select(
+                [~closed, table["rubs"] & ~table["slips"]], ["open", "stick"], "slip"
+            ),
             target=table["target"],
             normal=table["normal"],
             traction=table["traction"],

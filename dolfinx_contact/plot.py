@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import compat
-from .errors import together
+from .errors import ContactError, together
 from .pair import ContactPair
 
 
@@ -44,26 +44,52 @@ def gather_pressure(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None
         current positions of the corners (pieces, corners, dim) and pressures there (pieces,
         corners); corners in Basix's order
     """
+    gathered = _gather(pair, pair.pressure, pair._psi, parts)
+    return None if gathered is None else (gathered[0], gathered[1][..., 0])
+
+
+def gather_friction(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None:
+    """Slave facets and their friction tractions on rank 0, None elsewhere. Collective.
+
+    Args:
+        pair: a pair with friction that has been solved
+        parts: as for gather_pressure
+
+    Returns:
+        current positions of the corners and nominal friction tractions there, both (pieces,
+        corners, dim)
+
+    Raises:
+        ContactError: the pair has no friction
+    """
+    if pair.friction is None:
+        raise ContactError("This pair has no friction; make it with friction=μ.")
+    return _gather(pair, pair.friction, pair._phi, parts)
+
+
+def _gather(pair: ContactPair, function: Any, basis: Any, parts: int) -> tuple[Any, Any] | None:
+    """Corners of pieces of the slave's facets, and a Function of its mesh there; on rank 0."""
     moved = pair._solved()["slave"]
     slave = pair.slave
     points = _pieces(slave.shape, parts)  # (pieces, corners, facet dimension)
     flat = points.reshape(-1, points.shape[2])
-    powers, coefficients, _ = pair._psi
-    pressure_basis = np.prod(flat[:, None, :] ** powers[None], axis=2) @ coefficients.T
+
+    def tabulated(powers: Any, coefficients: Any) -> Any:
+        return np.prod(flat[:, None, :] ** powers[None], axis=2) @ coefficients.T
+
     position = slave.reference["position"]
-    position_basis = (
-        np.prod(flat[:, None, :] ** position["powers"][None], axis=2) @ position["coefficients"].T
-    )
-    cells = compat.dof_list(pair.pressure.function_space)[: len(slave.id)]
-    values = pair.pressure.x.array[cells] @ pressure_basis.T
-    x = position_basis @ moved[slave.facet_mesh_cells]
+    size = function.function_space.dofmap.index_map_bs
+    cells = compat.dof_list(function.function_space)[: len(slave.id)]
+    at_nodes = function.x.array.reshape(-1, size)[cells]
+    values = tabulated(*basis[:2]) @ at_nodes
+    x = tabulated(position["powers"], position["coefficients"]) @ moved[slave.facet_mesh_cells]
     gathered = pair.comm.gather((x, values), root=0)
     if gathered is None:
         return None
     corners = points.shape[1]
     return (
         np.concatenate([part[0].reshape(-1, corners, slave.dim) for part in gathered]),
-        np.concatenate([part[1].reshape(-1, corners) for part in gathered]),
+        np.concatenate([part[1].reshape(-1, corners, size) for part in gathered]),
     )
 
 

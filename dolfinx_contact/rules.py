@@ -104,6 +104,8 @@ class SeekDirection:
             InputError: a function returns another shape, a zero or a value that is not finite
         """
         n, dim = X.shape
+        if n == 0:
+            return X
         if not callable(self.direction):
             e = np.tile(np.asarray(self.direction, dtype=float), (n, 1))
         else:

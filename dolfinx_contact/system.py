@@ -23,12 +23,14 @@ from .layout import Layout
 from .pair import ContactPair
 from .tools import RigidPlane
 
-# ρ_n, and ρ_τ μ p, in units of the stiffness per area of the slave surface. Well below 1, so that the
-# statuses of particles with a small gap or slip inside a facet follow the multipliers (formulation,
-# section 7).
-_RHO = 1e-2
+# ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
+# particles with a small gap inside a facet follow the pressure (formulation, section 7).
+_RHO_N = 1e-2
+# ρ_τ μ p in the same units. Slip is a matter of displacements, not of geometry: near 1, slip and
+# change of Λ count about equally, and Newton settles best (benchmarks/robustness.py).
+_RHO_T = 1.0
 # ρ_τ times the facet's size is at most this: pressures may be tiny at the start of a step
-_MOST_RHO_T = 30.0
+_MOST_RHO_T = 300.0
 
 
 class System:
@@ -249,6 +251,8 @@ class System:
         the matrix if there is none yet, and fills x.
         """
         self.reference_force = 0.0
+        for contact in self.contacts:
+            contact.begin_step()
         before = [u.x.array.copy() for u in self.u]
         for u in self.u:
             compat.set_bc(u, self.bcs)
@@ -285,11 +289,11 @@ class System:
         """Scales and augmentation parameters of a step.
 
         λ is scaled by the stiffness of the slave surface per area [pressure/length], and ρ_n is a
-        fraction of it. ρ_τ is chosen so that ρ_τ μ p is the same fraction, with p the largest
+        fraction of it. ρ_τ is chosen so that ρ_τ μ p is about equal to it, with p the largest
         pressure at the start of the step; κ = μ p/ρ_τ (formulation, section 1).
         """
         for pair, contact, stiffness in zip(self.pairs, self.contacts, self._stiffness):
-            rho_n = pair.rho_n or _RHO * stiffness
+            rho_n = pair.rho_n or _RHO_N * stiffness
             self.scale[contact.multiplier_block] = stiffness
             if not pair.frictional:
                 contact.assembler.set_parameters(rho_n, stiffness)
@@ -297,7 +301,7 @@ class System:
             size, p = contact.facet_size(), contact.largest_pressure()
             p = p or 1e-6 * stiffness * size
             mu = max(pair.coefficient, 0.1)
-            rho_t = pair.rho_t or min(_RHO * stiffness / (mu * p), _MOST_RHO_T / size)
+            rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), _MOST_RHO_T / size)
             self.scale[contact.friction_block] = rho_t
             contact.assembler.set_parameters(
                 rho_n, stiffness, pair.coefficient, rho_t, rho_t, mu * p / rho_t, 1e-12 * p

@@ -52,9 +52,7 @@ class RigidPlane:
         dim = self.dim
         c = np.zeros(dim) if translation is None else np.asarray(translation, dtype=float)
         if c.shape != (dim,) or not np.all(np.isfinite(c)):
-            raise InputError(
-                f"move: translation is {translation!r}; give {dim} finite numbers."
-            )
+            raise InputError(f"move: translation is {translation!r}; give {dim} finite numbers.")
         if rotation is None:
             R = np.eye(dim)
         elif dim == 2 and np.ndim(rotation) == 0:
@@ -74,6 +72,6 @@ class RigidPlane:
         """The present motion (R, c), (dim, dim + 1)."""
         return np.column_stack([self.rotation, self.translation])
 
-    def _place(self, assembler: Any, old: npt.NDArray[np.float64]) -> None:
-        """Give an assembler the tool where it is, and its motion at the last accepted step."""
-        assembler.set_plane(list(self.point), list(self.normal), self.motion(), old)
+    def _place(self, assembler: Any, now: Any, old: Any) -> None:
+        """Give an assembler the tool, its motion and that at the last accepted step."""
+        assembler.set_plane(list(self.point), list(self.normal), now, old)

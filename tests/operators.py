@@ -50,16 +50,22 @@ def target_of(name, dim, **options):
     if kind == "proximity":
         return {"target": dc.Proximity(**options), "normals": normals}
     if kind == "varying":
-        return {"target": dc.SeekDirection(varying, **options), "normals": normals}
+        return {"target": dc.SeekDirection(varying(dim), **options), "normals": normals}
     if kind in ("slave", "slavefacet"):
         return {"target": dc.SlaveNormal(kind == "slave", **options), "normals": normals}
     return {"target": dc.SeekDirection(OBLIQUE[dim], **options), "normals": normals}
 
 
-def varying(x):
+def varying(dim):
     """A direction that depends on X."""
-    e = [0.2 + 0.3 * np.sin(4 * x[0]), np.full_like(x[0], 0.1) * x[1], np.ones_like(x[0])]
-    return np.array(e if np.any(x[2]) else [e[0], e[2]])
+
+    def direction(x):
+        e = np.ones((dim, x.shape[1]))
+        e[0] = 0.2 + 0.3 * np.sin(4 * x[0])
+        e[1:-1] = 0.1 * x[1]
+        return e
+
+    return direction
 
 
 # -- the bodies -----------------------------------------------------------------------------------
@@ -434,6 +440,8 @@ def case(m, target, rule, configuration, *, search=None, **options):
         wave = np.round(numbering.points, 9) @ [23.0, 19.0, 0.0] + 2.1 * numbering.component
         system.write(made.vector(np.where(bulk, 0.99 * x, x) + 0.029 * slave * np.sin(wave)))
         made.contact.remember()
+        made.pair.initial_contact = 10.0  # all touch, so that friction acts
+        made.contact.begin_step()
         system.write(made.vector(x))
         made.contact.update()
         made.contact.hold()
@@ -443,10 +451,3 @@ def case(m, target, rule, configuration, *, search=None, **options):
     system.create_matrix()
     made.residual()
     return made
-
-
-def overshoot(table, target):
-    """Part of x¹ − x² that the rule would make zero on a free target: 0 unless clamped; (n,)."""
-    r = table["x"] - table["target"]
-    m = table["normal" if target.split("-")[0] in ("proximity", "smooth") else "direction"]
-    return np.linalg.norm(r - np.sum(r * m, axis=1, keepdims=True) * m, axis=1)

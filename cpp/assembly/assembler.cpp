@@ -30,9 +30,9 @@ Assembler<D>::Assembler(Surface slave, int own, Particles particles, PairOptions
       or nd != (directed ? n * (np + num_nodes()) * D : 0))
     throw std::invalid_argument("Assembler: tables of the slave surface do not match");
   _options.search.rule = _options.rules.target;
-  // interpolated normals do not jump at junctions: keeping the former facet would only make the
-  // result depend on the path, and break symmetry
-  if (interpolated())
+  // other normals do not flip between facets: keeping the former facet would only make the result
+  // depend on the path, and break symmetry
+  if (_options.rules.normal != NormalRule::facet)
     _options.search.margin = 0;
   _states.resize(n * np);
   _accepted = _states;
@@ -68,6 +68,18 @@ void Assembler<D>::remember(std::span<const double> u_slave, std::span<const dou
 {
   _slave.remember(u_slave);
   _master.remember(u_master);
+}
+
+template <int D>
+void Assembler<D>::begin_step(double close)
+{
+  for (std::size_t i = 0; i < _states.size(); ++i)
+  {
+    State& s = _states[i];
+    s.changes = 0;
+    const double near = close * _slave.diameter(static_cast<int>(i / _particles.rule.size()));
+    s.touched = _accepted[i].closed or s.gap > -near;
+  }
 }
 
 template <int D>

@@ -145,17 +145,17 @@ public:
     Vector<D> Lambda = Vector<D>::Zero(); ///< friction semi-multiplier
     Vector<D> slip = Vector<D>::Zero();   ///< ⟦Δu⟧ since the last accepted step; 0 if open
     bool closed = false;
+    bool touched = false;  ///< it touched at the last accepted step: friction acts since then
     bool slips = false;    ///< friction acts and ‖g_τ‖ > 1
     int changes = 0;       ///< between open and closed since `begin_step`
     double dissipated = 0; ///< by friction, up to the last accepted step [energy/area]
   };
 
-  /// A step begins: forget the status changes of the last one.
-  void begin_step()
-  {
-    for (State& s : _states)
-      s.changes = 0;
-  }
+  /// A step begins, with the surfaces where the last one left them: forget its status changes.
+  /// Friction acts on the particles that touch now. A particle that closes later in the step has no
+  /// slip before it does, and where it has come from says nothing about friction.
+  /// @param close as for `update`
+  void begin_step(double close);
   const std::vector<State>& states() const { return _states; }
 
   /// Keep the present states, to come back to them after a failed solve.
@@ -181,7 +181,7 @@ public:
   /// P_B(g_τ) of a particle; zero where friction does not act.
   Friction<D> friction_at(const State& s) const
   {
-    if (not rubs(_options.law, s.closed, s.lambda))
+    if (not s.touched or not rubs(_options.law, s.closed, s.lambda))
       return {};
     return Friction<D>(_options.law, s.n, s.Lambda, s.slip);
   }

@@ -202,7 +202,7 @@ py::dict particle_table(const Assembler<D>& a)
   const std::vector<py::ssize_t> vectors = {n, py::ssize_t(D)};
   py::array_t<double> X(vectors), x(vectors), y(vectors), normal(vectors), traction(vectors),
       slip(vectors), direction(vectors), gap(n), lambda(n), weight(n), dissipated(n);
-  py::array_t<bool> closed(n), slips(n), rubs(n);
+  py::array_t<bool> closed(n), slips(n), rubs(n), clamped(n);
   py::array_t<std::int64_t> facet(n), target(n);
   for (py::ssize_t i = 0; i < n; ++i)
   {
@@ -229,6 +229,7 @@ py::dict particle_table(const Assembler<D>& a)
       slip.mutable_at(i, k) = s.slip[k] - s.slip.dot(s.n) * s.n[k];
     }
     slips.mutable_at(i) = s.slips;
+    clamped.mutable_at(i) = s.target.facet >= 0 and s.target.clamp != Clamp::none;
     rubs.mutable_at(i) = friction.acts;
     dissipated.mutable_at(i) = s.dissipated;
     gap.mutable_at(i) = -s.gap;
@@ -248,6 +249,7 @@ py::dict particle_table(const Assembler<D>& a)
   out["direction"] = direction;
   out["slip"] = slip;
   out["slips"] = slips;
+  out["clamped"] = clamped;
   out["rubs"] = rubs;
   out["dissipated"] = dissipated;
   out["lambda"] = lambda;

@@ -37,7 +37,7 @@ struct Friction
 {
   using Matrix = Eigen::Matrix<double, D, D>;
   bool acts = false;                    ///< χ_τ
-  bool slips = false;                   ///< ‖g_τ‖ > 1
+  bool slips = false;                   ///< ‖g_τ‖ ≥ 1 up to round-off
   Vector<D> p = Vector<D>::Zero();      ///< P_B(g_τ)
   Vector<D> defect = Vector<D>::Zero(); ///< TΛ − P_B(g_τ), the residual of (F3)
   Vector<D> Lambda = Vector<D>::Zero(), q = Vector<D>::Zero(); ///< Λ and q = Λ + ρ_τ⟦Δu⟧
@@ -53,14 +53,17 @@ struct Friction
       , q(Lambda + law.rho_t * slip)
       , T(Matrix::Identity() - n * n.transpose())
   {
+    // A particle that slipped in the last step begins the next one at ‖g_τ‖ = 1, up to round-off:
+    // both derivatives of P_B are right there, and that of slip is the better guess.
+    constexpr double edge = 1 - 1e-8;
     const Vector<D> g = T * q;
     const double size = g.norm();
-    slips = size > 1;
-    p = slips ? Vector<D>(g / size) : g;
+    slips = size > edge;
+    p = size > 1 ? Vector<D>(g / size) : g;
     defect = T * Lambda - p;
     DP.setIdentity();
     if (slips)
-      DP = (DP - p * p.transpose()) / size;
+      DP = (DP - g * g.transpose() / (size * size)) / size;
   }
 };
 

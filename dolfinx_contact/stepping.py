@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: MIT
+"""Load steps that shorten where Newton fails and grow again where it goes well."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Any, Callable, Iterator
+
+from tqdm import tqdm
+
+from .errors import ConvergenceError, InputError
+from .strategy import Report
+
+log = logging.getLogger("dolfinx_contact")
+_EASY = 6  # a step of so many iterations went well
+
+
+@dataclass
+class Step:
+    """An accepted step.
+
+    Attributes:
+        number: of the step, from 1
+        time: load parameter t at its end
+        length: of the step
+        report: of its solve
+        failed: solves that failed since the last accepted step
+    """
+
+    number: int
+    time: float
+    length: float
+    report: Report
+    failed: int
+
+
+class LoadStepping:
+    """Solve a problem for t from 0 to an end, in steps; iterate over it.
+
+    A step that fails is halved, and the problem is back at the last accepted step; after two steps
+    that went well (at most 6 iterations) the next is 1.5 times as long, up to max_step.
+
+    Args:
+        problem: a ContactProblem
+        apply: sets the loads and Dirichlet values of a t; after a failed step it is called again
+            with the last accepted t
+        end: last t
+        step: first step
+        min_step: steps shorter than this are not tried
+        max_step: longest step; None: the first one
+        progress: show a progress bar on rank 0
+
+    Raises:
+        InputError: steps that are not 0 < min_step ≤ step ≤ max_step, an end that is not positive
+        ConvergenceError: while iterating, on all ranks, if a step would be shorter than min_step;
+            the last accepted step is in place, and its loads
+
+    Attributes:
+        time: t of the last accepted step
+        steps: the accepted steps
+    """
+
+    def __init__(
+        self,
+        problem: Any,
+        apply: Callable[[float], Any],
+        end: float = 1.0,
+        step: float = 0.1,
+        min_step: float = 1e-4,
+        max_step: float | None = None,
+        progress: bool = True,
+    ):
+        max_step = step if max_step is None else max_step
+        if not 0 < min_step <= step <= max_step:
+            raise InputError(
+                f"LoadStepping: min_step is {min_step}, step {step} and max_step {max_step}; give"
+                " 0 < min_step ≤ step ≤ max_step."
+            )
+        if not end > 0:
+            raise InputError(f"LoadStepping: end is {end}; give a positive number.")
+        self.problem, self._apply, self.end = problem, apply, float(end)
+        self._next, self._min, self._max = float(step), float(min_step), float(max_step)
+        self._progress = progress
+        self.time, self.steps = 0.0, list[Step]()
+
+    def __iter__(self) -> Iterator[Step]:
+        hidden = not self._progress or self.problem.comm.rank > 0
+        easy = 0
+        with tqdm(total=self.end, disable=hidden, bar_format=_BAR, initial=self.time) as bar:
+            while self.end - self.time > 1e-12 * self.end:
+                step = self._advance()
+                easy = easy + 1 if step.report.iterations <= _EASY and not step.failed else 0
+                if easy >= 2:
+                    self._next, easy = min(1.5 * self._next, self._max), 0
+                bar.update(step.length)
+                bar.set_postfix_str(
+                    f"step {step.length:.3g}, {step.report.iterations} iterations", refresh=False
+                )
+                yield step
+
+    def _advance(self) -> Step:
+        """The next accepted step."""
+        failed = 0
+        while True:
+            left = self.end - self.time
+            # no sliver at the end
+            length = left if self._next > left * (1 - 1e-9) else self._next
+            target = self.end if length == left else self.time + length
+            self._apply(target)
+            try:
+                report = self.problem.solve()
+            except ConvergenceError as error:
+                failed += 1
+                self._apply(self.time)
+                log.info("t = %g: a step of %g failed", self.time, length)
+                if 0.5 * length < self._min:
+                    error.args = (
+                        f"LoadStepping: stopped at t = {self.time:g}: a step of {length:.3g} failed"
+                        f" and half of it is below min_step = {self._min:g}.\n{error}",
+                    )
+                    raise
+                self._next = 0.5 * length
+                continue
+            except BaseException:
+                self._apply(self.time)
+                raise
+            step = Step(len(self.steps) + 1, target, length, report, failed)
+            self.time = target
+            self.steps.append(step)
+            return step
+
+
+_BAR = "{l_bar}{bar}| t = {n:.4g} of {total:.4g} [{elapsed}<{remaining}] {postfix}"
