@@ -211,9 +211,7 @@ class PairAssembly:
 
     def begin_step(self) -> None:
         """A step begins: forget the status changes of the last one, choose the tangents of friction.
-
-        Needs the displacements of the last accepted step. Collective.
-        """
+        Collective."""
         if self._friction is None:
             self.assembler.begin_step(-1.0)
             return
@@ -273,7 +271,7 @@ class PairAssembly:
 
         Args:
             close: see Assembler.update (initial contact), negative: none
-            at_rest: a rigid tool is where it was at the last accepted step
+            at_rest: to the displacements and tools of the last accepted step
 
         Returns:
             number of particles over all ranks whose status changed
@@ -281,8 +279,9 @@ class PairAssembly:
         Raises:
             ContactError: on all ranks, if a displacement is not finite
         """
-        slave = self._slave_values()
-        ringed = self._ringed_values() if self._tool is None else np.zeros(0)
+        slave_u, master_u = self._old if at_rest else (None, None)
+        slave = self._slave_values(slave_u)
+        ringed = self._ringed_values(master_u) if self._tool is None else np.zeros(0)
         with together(self._comm, "contact search"):
             if not (np.isfinite(slave).all() and np.isfinite(ringed).all()):
                 raise ContactError(
@@ -291,7 +290,7 @@ class PairAssembly:
                 )
         if self._tool is None:
             self._exchange(slave, ringed)
-            master = self._master_values()
+            master = self._master_values(master_u)
         else:
             master = np.zeros(0)
             now = self._old_motion if at_rest else self._tool.motion()
@@ -342,14 +341,15 @@ class PairAssembly:
     # -- results --------------------------------------------------------------------------------
 
     def nodal_friction(self, out: Any) -> None:
-        """Friction traction μ λ Λ at the nodes of the friction space, from the nodal values."""
+        """Friction traction μ λ TΛ at the nodes of the friction space. Collective."""
         pair = self.pair
         pressure = fem.Function(compat.function_space(pair.slave.mesh, tuple(pair.friction_space)))
         if tuple(pair.friction_space) == tuple(pair.pressure_space):
             pressure.x.array[:] = pair._multiplier.x.array
         else:
             pressure.interpolate(pair._multiplier)
-        vectors = self._friction.vectors(pair._semi_multiplier.x.array)
+        normals = self.assembler.nodes()[1][:, -len(pair._phi[2]) :]
+        vectors = self._friction.tangential(pair._semi_multiplier.x.array, normals)
         out.x.array[:] = (pair.coefficient * pressure.x.array[:, None] * vectors).ravel()
 
     # -- scale ----------------------------------------------------------------------------------

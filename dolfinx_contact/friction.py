@@ -55,13 +55,7 @@ class FrictionUnknowns:
             t_Aα, (local nodes, dim − 1, dim)
         """
         dim = self._pair.slave.dim
-        self._vectors.x.array[:] = 0.0
-        np.add.at(self._vectors.x.array.reshape(-1, dim), self.local, normals)
-        compat.scatter_reverse_add(self._vectors)
-        self._vectors.x.scatter_forward()  # bitwise the owner's on all ranks
-        n = self._vectors.x.array.reshape(-1, dim).copy()
-        length = np.linalg.norm(n, axis=1, keepdims=True)
-        n = np.divide(n, length, out=np.tile(np.eye(dim)[-1], (len(n), 1)), where=length > 0)
+        n = self._mean(normals)
         moves = agreed(self._vectors, self.local, free, any_facet=True).reshape(-1, dim)
 
         t = np.empty((len(n), dim - 1, dim))
@@ -89,12 +83,35 @@ class FrictionUnknowns:
         other, _ = _project(np.eye(3)[np.argmin(np.abs(n), axis=1)], n)
         return np.where(size > 0.1, t, other)
 
-    def vectors(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Λ at the local nodes, (nodes, dim), from the local unknowns."""
+    def _mean(self, normals: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Unit normals at the local nodes from those of the facets around; bitwise the owner's on
+        all ranks. Collective."""
+        dim = self._pair.slave.dim
+        sums = self._vectors.x.array.reshape(-1, dim)
+        sums[:] = 0.0
+        np.add.at(sums, self.local, normals)
+        compat.scatter_reverse_add(self._vectors)
+        self._vectors.x.scatter_forward()
+        length = np.linalg.norm(sums, axis=1, keepdims=True)
+        return np.divide(
+            sums, length, out=np.tile(np.eye(dim)[-1], (len(sums), 1)), where=length > 0
+        )
+
+    def tangential(
+        self, values: npt.NDArray[np.float64], normals: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """TΛ at the local nodes, (nodes, dim). Collective.
+
+        Args:
+            values: the local unknowns
+            normals: at the targets of the nodes of each own facet, (facets, nodes, dim)
+        """
         dim = self._pair.slave.dim
         if self.tangents is None:
             return np.zeros((len(values) // (dim - 1), dim))
-        return np.einsum("na,nai->ni", values.reshape(-1, dim - 1), self.tangents)
+        Lambda = np.einsum("na,nai->ni", values.reshape(-1, dim - 1), self.tangents)
+        n = self._mean(normals)
+        return Lambda - n * np.sum(n * Lambda, axis=1, keepdims=True)
 
 
 def _project(

@@ -47,7 +47,9 @@ class Report:
     residuals: dict[str, list[float]] = field(default_factory=lambda: {"bulk": [], "contact": []})
     reference: float = 0.0
     status_changes: list[int] = field(default_factory=list)
-    time: dict[str, float] = field(default_factory=dict)
+    time: dict[str, float] = field(
+        default_factory=lambda: dict.fromkeys(("total", "residual", "jacobian"), 0.0)
+    )
 
     @property
     def norms(self) -> list[float]:
@@ -84,10 +86,26 @@ class Newton:
     def solve(self, system: System, options: dict[str, Any]) -> Report:
         """Solve from the Functions' present values. Collective.
 
+        Where Newton fails with friction, the frictionless solution of the step is tried as a start
+        (formulation, section 7): friction then knows the pressures.
+
         Returns:
-            what happened; the system's Functions hold the last iterate
+            what happened, over all attempts; the system's Functions hold the last iterate
         """
-        return _Loop(self, system, options).run()
+        before = [f.x.array.copy() for f in system.functions]
+        system.start()
+        report = _Loop(self, system, options).run(Report())
+        if report.converged or not any(pair.frictional for pair in system.pairs):
+            return report
+        log.info("no convergence with friction: once more from the frictionless solution")
+        for f, values in zip(system.functions, before):
+            f.x.array[:] = values
+        system.start(friction=False)
+        report = _Loop(self, system, options).run(report)
+        if report.converged:
+            system.go_on()
+            report = _Loop(self, system, options).run(report)
+        return report
 
 
 class _Loop:
@@ -95,7 +113,7 @@ class _Loop:
 
     def __init__(self, newton: Newton, system: System, options: dict[str, Any]):
         self.newton, self.system = newton, system
-        self.report = Report(time={"residual": 0.0, "jacobian": 0.0})
+        self.report = Report()
         self._first = True
         self._failure: BaseException | None = None
         self._options = options
@@ -120,16 +138,16 @@ class _Loop:
         snes.setConvergenceTest(self._test)
         return snes
 
-    def run(self) -> Report:
-        system, report = self.system, self.report
+    def run(self, report: Report) -> Report:
+        """Add what happens to a report."""
+        system, self.report = self.system, report
         start = time.perf_counter()
-        system.start()
         snes = self._snes()
         try:
             snes.solve(None, system.x)
             if self._failure is not None:
                 raise self._failure
-            report.iterations = snes.getIterationNumber()
+            report.iterations += snes.getIterationNumber()
             reason = snes.getConvergedReason()
             report.converged = reason > 0
             report.reason = _name(reason)
@@ -143,7 +161,7 @@ class _Loop:
                 if database.hasName(key):
                     database.delValue(key)
         report.reference = system.reference_force
-        report.time["total"] = time.perf_counter() - start
+        report.time["total"] += time.perf_counter() - start
         return report
 
     def _residual(self, snes: Any, x: Any, b: Any) -> None:

@@ -26,9 +26,8 @@ from .tools import RigidPlane
 # ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
 # particles with a small gap inside a facet follow the pressure (formulation, section 7).
 _RHO_N = 1e-2
-# ρ_τ μ p in the same units. Slip is a matter of displacements, not of geometry: near 1, slip and
-# change of Λ count about equally, and Newton settles best (benchmarks/robustness.py).
-_RHO_T = 1.0
+# ρ_τ μ p in the same units: here slip and change of Λ count about equally, and Newton settles best.
+_RHO_T = 0.2
 # ρ_τ times the facet's size is at most this: pressures may be tiny at the start of a step
 _MOST_RHO_T = 300.0
 
@@ -75,6 +74,7 @@ class System:
         ]
         self.scale = [1.0] * len(self.functions)  # units of the unknowns
         self._stiffness = [1.0] * len(pairs)
+        self.parameters: list[dict[str, float]] = []  # of each pair, in the present step
         self.reference_force = 0.0
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
         self.status_changes = 0
@@ -244,11 +244,14 @@ class System:
         _add_diagonal(A, rows.astype(PETSc.IntType), 0.0)
         A.assemble()
 
-    def start(self) -> None:
+    def start(self, friction: bool = True) -> None:
         """Begin a step at the Functions' present values. Collective.
 
         Places the surfaces with the Dirichlet values imposed, finds the multipliers to hold, makes
         the matrix if there is none yet, and fills x.
+
+        Args:
+            friction: False: solve without it first, then ``go_on``
         """
         self.reference_force = 0.0
         for contact in self.contacts:
@@ -263,7 +266,12 @@ class System:
             u.x.array[:] = values
         if self.A is None:
             self.create_matrix()
-        self._choose_parameters()
+        self._choose_parameters(friction)
+        self.read()
+
+    def go_on(self) -> None:
+        """Go on with friction in the present step, with parameters for the present pressures."""
+        self._choose_parameters(True)
         self.read()
 
     def accept(self) -> None:
@@ -285,26 +293,35 @@ class System:
         self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
         self._stiffness = [contact.stiffness(diagonal) for contact in self.contacts]
 
-    def _choose_parameters(self) -> None:
+    def _choose_parameters(self, friction: bool) -> None:
         """Scales and augmentation parameters of a step.
 
         λ is scaled by the stiffness of the slave surface per area [pressure/length], and ρ_n is a
         fraction of it. ρ_τ is chosen so that ρ_τ μ p is about equal to it, with p the largest
         pressure at the start of the step; κ = μ p/ρ_τ (formulation, section 1).
         """
+        self.parameters = []
         for pair, contact, stiffness in zip(self.pairs, self.contacts, self._stiffness):
             rho_n = pair.rho_n or _RHO_N * stiffness
             self.scale[contact.multiplier_block] = stiffness
             if not pair.frictional:
                 contact.assembler.set_parameters(rho_n, stiffness)
+                self.parameters.append({"rho_n": rho_n})
                 continue
             size, p = contact.facet_size(), contact.largest_pressure()
             p = p or 1e-6 * stiffness * size
             mu = max(pair.coefficient, 0.1)
             rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), _MOST_RHO_T / size)
+            self.parameters.append({"rho_n": rho_n, "rho_t": rho_t})
             self.scale[contact.friction_block] = rho_t
             contact.assembler.set_parameters(
-                rho_n, stiffness, pair.coefficient, rho_t, rho_t, mu * p / rho_t, 1e-12 * p
+                rho_n,
+                stiffness,
+                pair.coefficient if friction else 0.0,
+                rho_t,
+                rho_t,
+                mu * p / rho_t,
+                1e-12 * p,
             )
 
 

@@ -19,18 +19,22 @@ template <int D>
 class Problem
 {
 public:
-  Problem(const Element& element, int facets)
+  Problem(const Element& element, int facets, bool friction)
       : _pair(bench::pair<D>(element, facets))
-      , _dofs(_pair.slave, _pair.master)
-      , _assembler(_pair.slave, particles(), options(), _dofs.slave, _pair.slave.local,
-                   _dofs.multiplier)
+      , _dofs(_pair.slave, _pair.master, friction)
+      , _assembler(_pair.slave, _pair.slave.size(), particles(), options(friction), _dofs.slave,
+                   _pair.slave.local, _dofs.multiplier)
       , _u_master(_dofs.master.size(), 0.0)
       , _lambda(_dofs.multiplier.size(), -1.0)
+      , _Lambda(_dofs.friction.size(), 0.1)
   {
     for (double fraction : {0.0, 0.02})
       _u_slave.push_back(_pair.slide(fraction));
     _assembler.set_master(_pair.master, _dofs.master);
+    if (friction)
+      _assembler.set_friction(friction_space());
     update();
+    _assembler.begin_step(0); // everything touches: friction acts
     allocate();
   }
   Problem(const Problem&) = delete;
@@ -44,7 +48,7 @@ public:
   void update()
   {
     std::swap(_u_slave[0], _u_slave[1]);
-    _assembler.update(_u_slave[0], _u_master, _lambda, -1);
+    _assembler.update({_u_slave[0], _u_master, _lambda, _Lambda}, -1);
   }
 
   int size() const { return _pair.particles(); }
@@ -87,13 +91,13 @@ public:
   Vec b = nullptr;
 
 private:
-  /// Dofs of all nodes in random order, then the multipliers likewise.
+  /// Dofs of all nodes in random order, then the multipliers likewise, then friction.
   struct Dofs
   {
-    std::vector<PetscInt> slave, master, multiplier;
+    std::vector<PetscInt> slave, master, multiplier, friction;
     PetscInt size;
 
-    Dofs(const Surface& s, const Surface& m)
+    Dofs(const Surface& s, const Surface& m, bool rough)
     {
       std::mt19937 random(6);
       const PetscInt ns = s.node_table.size(), nm = m.node_table.size();
@@ -106,6 +110,8 @@ private:
       std::iota(multiplier.begin(), multiplier.end(), (ns + nm) * D);
       std::shuffle(multiplier.begin(), multiplier.end(), random);
       size = (ns + nm) * D + ns;
+      for (PetscInt i = 0; rough and i < ns * (D - 1); ++i)
+        friction.push_back(size++);
     }
   };
 
@@ -114,13 +120,24 @@ private:
     return {_pair.rule,
             particle_weights(_pair.slave, _pair.rule, false),
             _pair.slave.ref.displacement,
+            {},
             {}};
   }
 
-  static PairOptions<D> options()
+  /// Nodes of the displacements, tangents along the axes.
+  FrictionSpace<D> friction_space() const
+  {
+    FrictionSpace<D> space{_pair.slave.ref.displacement, _pair.slave.local, _dofs.friction, {}};
+    for (std::size_t i = 0; i < _dofs.friction.size(); ++i)
+      space.tangent.push_back(Vector<D>::Unit(i % (D - 1)));
+    return space;
+  }
+
+  static PairOptions<D> options(bool friction)
   {
     PairOptions<D> o;
     o.search.radius = 0.5;
+    o.law.friction = friction ? 0.3 : 0;
     return o;
   }
 
@@ -148,7 +165,7 @@ private:
   Dofs _dofs;
   Assembler<D> _assembler;
   std::vector<std::vector<double>> _u_slave;
-  std::vector<double> _u_master, _lambda;
+  std::vector<double> _u_master, _lambda, _Lambda;
 };
 
 template <int D>
@@ -189,6 +206,7 @@ void arithmetic(benchmark::State& state, Problem<D>& problem, bool product)
     slave.ref.displacement.tabulate(&rule.points[p * (D - 1)], N[p]);
 
   const ContactLaw law;
+  const Friction<D> none;
   const Vector<D> e = Vector<D>::Zero();
   PairMatrix<D> K;
   BasisValues M;
@@ -202,13 +220,16 @@ void arithmetic(benchmark::State& state, Problem<D>& problem, bool product)
         const auto& s = problem.assembler().states()[i];
         master.ref.position.tabulate(s.target.xi.data(), M, true);
         const FacetPoint<D> point = evaluate<D>(master.facet_x(block.target), master.np(), M, true);
-        const Kinematics<D> k = linearise<D>(master, s.target, s.x, point, TargetRule::proximity,
-                                             NormalRule::facet, e);
+        const Kinematics<D> k = linearise<D>(master, s.target, s.x, point, {}, e);
         if (product)
         {
-          const CouplingBasis B{N[p].N, N[p].N, &M, slave.nu(), slave.nu(), master.nu()};
-          const Traction<D> t = linearised_traction<D>(law, s.lambda, k);
-          add_closed_tangent<D>(B, k, t, weight[i], 1.0, K);
+          const CouplingBasis<D> B{.N = N[p].N,
+                                   .psi = N[p].N,
+                                   .M = &M,
+                                   .slave = slave.nu(),
+                                   .multiplier = slave.nu(),
+                                   .master = master.nu()};
+          add_closed_tangent<D, false>(B, law, s.lambda, k, none, weight[i], {}, K);
         }
         else
           benchmark::DoNotOptimize(k);
@@ -243,13 +264,22 @@ void add_all()
          {"  its variations", [](auto& s, auto& p) { arithmetic<D>(s, p, false); }},
          {"  its arithmetic", [](auto& s, auto& p) { arithmetic<D>(s, p, true); }},
          {"  its MatSetValues", insertion<D>}};
+  const std::pair<std::string, Function> rough[] = {{"update with friction", update<D>},
+                                                    {"residual with friction", residual<D>},
+                                                    {"tangent with friction", tangent<D>}};
   for (const Element& e : elements<D>())
   {
     const int facets = e.position == 1 ? 1000 : 300;
-    const Once<Problem<D>> problem([=] { return std::make_unique<Problem<D>>(e, facets); });
-    for (const auto& [what, function] : all)
-      add(what + ", " + name(e),
-          [=, function = function](benchmark::State& s) { function(s, problem()); });
+    auto add_each = [&](const auto& functions, bool friction)
+    {
+      const Once<Problem<D>> problem([=]
+                                     { return std::make_unique<Problem<D>>(e, facets, friction); });
+      for (const auto& [what, function] : functions)
+        add(what + ", " + name(e),
+            [=, function = function](benchmark::State& s) { function(s, problem()); });
+    };
+    add_each(all, false);
+    add_each(rough, true);
   }
 }
 

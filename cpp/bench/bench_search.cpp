@@ -18,37 +18,37 @@ struct Scene
 {
   Pair<D> pair;
   Search<D> search;
-  std::vector<Vector<D>> x, outward;
+  NodalNormals<D> normals;
+  std::vector<Seeker<D>> seekers;
   std::vector<Target<D>> former; ///< targets before a slide by 2 % of a facet
 
   Scene(const Element& element, TargetRule rule, int facets, int simpson_n)
       : pair(bench::pair<D>(element, facets, simpson_n))
+      , normals(pair.master, 1.0)
   {
     SearchOptions<D> options;
     options.rule = rule;
-    if (rule == TargetRule::direction)
-      options.direction = -Vector<D>::Unit(D - 1);
     options.radius = 0.5;
     search = Search<D>(pair.master, options);
     place(0);
-    for (int i = 0; i < pair.particles(); ++i)
-      former.push_back(search.find(pair.master, x[i], outward[i], {}));
+    for (const Seeker<D>& seeker : seekers)
+      former.push_back(search.find(pair.master, seeker, {}, &normals));
     place(0.02);
   }
 
   void place(double fraction)
   {
     pair.slave.displace(pair.slide(fraction));
-    x.clear();
-    outward.clear();
+    seekers.clear();
     for (int f = 0; f < pair.slave.size(); ++f)
       for (int p = 0; p < pair.rule.size(); ++p)
       {
         BasisValues b;
         pair.slave.ref.position.tabulate(&pair.rule.points[p * (D - 1)], b);
         const auto point = evaluate<D>(pair.slave.facet_x(f), pair.slave.np(), b, false);
-        x.push_back(point.x);
-        outward.push_back(-double(pair.slave.sigma[f]) * point.area_vector().normalized());
+        const double sigma = pair.slave.sigma[f];
+        seekers.push_back(
+            {point.x, -sigma * point.area_vector().normalized(), -Vector<D>::Unit(D - 1)});
       }
   }
 };
@@ -60,8 +60,9 @@ void find_all(benchmark::State& state, const Scene<D>& scene, bool warm)
   const int n = scene.pair.particles();
   for (auto _ : state)
     for (int i = 0; i < n; ++i)
-      benchmark::DoNotOptimize(scene.search.find(scene.pair.master, scene.x[i], scene.outward[i],
-                                                 warm ? scene.former[i] : Target<D>()));
+      benchmark::DoNotOptimize(scene.search.find(scene.pair.master, scene.seekers[i],
+                                                 warm ? scene.former[i] : Target<D>(),
+                                                 &scene.normals));
   per(state, "particle", n);
   state.SetComplexityN(scene.pair.master.size());
 }
@@ -85,8 +86,9 @@ void refit_tree(benchmark::State& state, const Scene<3>& scene)
   state.SetComplexityN(master.size());
 }
 
-const std::pair<TargetRule, std::string> rules[]
-    = {{TargetRule::proximity, "proximity"}, {TargetRule::direction, "direction"}};
+const std::pair<TargetRule, std::string> rules[] = {{TargetRule::proximity, "proximity"},
+                                                    {TargetRule::direction, "direction"},
+                                                    {TargetRule::smooth, "smooth"}};
 
 /// Cold and warm, all elements and rules, 1,000 slave facets with 1-Simpson.
 template <int D>

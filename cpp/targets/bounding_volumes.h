@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <span>
@@ -25,6 +27,18 @@ struct Box
   }
   bool overlaps(const Box& b) const { return (lo <= b.hi).all() and (b.lo <= hi).all(); }
 
+  /// Largest distance of its points from p.
+  double farthest(const Eigen::Array<double, D, 1>& p) const
+  {
+    return std::sqrt((p - lo).abs().max((hi - p).abs()).square().sum());
+  }
+
+  /// True if it holds the ball around p.
+  bool holds(const Eigen::Array<double, D, 1>& p, double radius) const
+  {
+    return (lo <= p - radius).all() and (p + radius <= hi).all();
+  }
+
   /// Squared distance of a point, 0 inside.
   double distance2(const Eigen::Array<double, D, 1>& p) const
   {
@@ -32,9 +46,35 @@ struct Box
   }
 };
 
+/// A box in single precision, not smaller than the given one: half the memory.
+template <int D>
+struct CoarseBox
+{
+  std::array<float, D> lo, hi;
+
+  explicit CoarseBox(const Box<D>& b)
+  {
+    for (int k = 0; k < D; ++k)
+    {
+      lo[k] = std::nextafter(static_cast<float>(b.lo[k]), -INFINITY);
+      hi[k] = std::nextafter(static_cast<float>(b.hi[k]), INFINITY);
+    }
+  }
+
+  bool overlaps(const CoarseBox& b) const
+  {
+    bool all = true;
+    for (int k = 0; k < D; ++k)
+      all &= (lo[k] <= b.hi[k]) & (b.lo[k] <= hi[k]);
+    return all;
+  }
+};
+
 /// A binary tree of bounding boxes, split at the median centre along the longest side.
 ///
-/// It is built once and refitted while the boxes move.
+/// It is built once and refitted while the boxes move. Small subtrees, the groups, may know which
+/// other groups are near: a query that starts from a good guess then costs the same in a large tree
+/// as in a small one, since all that it reads lies together.
 template <int D>
 class BoxTree
 {
@@ -50,7 +90,8 @@ public:
     std::vector<int> items(n);
     std::iota(items.begin(), items.end(), 0);
     _nodes.reserve(2 * n);
-    split(boxes, items, 0, n);
+    _group_of.resize(n);
+    split(boxes, items, 0, n, -1);
     refit(boxes);
   }
 
@@ -73,6 +114,59 @@ public:
         node.box.add(_nodes[node.second].box);
       }
     }
+  }
+
+  /// Note which groups are near each other, for `descend_near`; to be repeated after `refit`.
+  void link()
+  {
+    _offset.assign(1, 0);
+    _near.clear();
+    _group_box.clear();
+    _item_box.clear();
+    std::vector<int> stack;
+    for (const Group& group : _groups)
+    {
+      const Box<D>& box = _nodes[group.root].box;
+      const Box<D> reach = neighbourhood(box);
+      _group_box.emplace_back(box);
+      for (stack.assign(1, 0); not stack.empty();)
+      {
+        const int me = stack.back();
+        stack.pop_back();
+        const Node& node = _nodes[me];
+        if (not node.box.overlaps(reach))
+          continue;
+        if (node.group >= 0)
+          _near.push_back(node.group);
+        else
+        {
+          stack.push_back(node.second);
+          stack.push_back(me + 1);
+        }
+      }
+      _offset.push_back(static_cast<int>(_near.size()));
+    }
+    for (const Node& node : _nodes)
+      if (node.item >= 0)
+        _item_box.emplace_back(node.box);
+  }
+
+  /// As `descend`, for queries that concern items near a ball only.
+  /// @param item where the ball is expected: if it is, few other boxes are looked at, and `leaf`
+  /// gets all items that reach the box around the ball, in any order
+  template <typename Key, typename Leaf>
+  void descend_near(int item, const Eigen::Array<double, D, 1>& centre, double radius, Key key,
+                    Leaf leaf, double best) const
+  {
+    const int g = _group_of[item];
+    if (not neighbourhood(_nodes[_groups[g].root].box).holds(centre, radius))
+      return descend(key, leaf, best);
+    const CoarseBox<D> ball(Box<D>{centre - radius, centre + radius});
+    for (int k = _offset[g]; k < _offset[g + 1]; ++k)
+      if (const int h = _near[k]; _group_box[h].overlaps(ball))
+        for (int i = _groups[h].first; i < _groups[h].last; ++i)
+          if (_item_box[i].overlaps(ball))
+            leaf(_item[i]);
   }
 
   /// Call `leaf(item)` on all items that may improve on a bound, the most promising first.
@@ -144,21 +238,47 @@ public:
   }
 
 private:
+  static constexpr int group_size = 8; // items at most
+
   struct Node
   {
     Box<D> box;
     int second; // second child of an inner node; the first one follows its parent
     int item;   // of a leaf, else −1
+    int group;  // that it is the root of, else −1
   };
 
+  // A subtree; its items follow each other in `_item`
+  struct Group
+  {
+    int root, first, last;
+  };
+
+  // Where a group knows all others: its box, grown by a quarter of its size on all sides
+  static Box<D> neighbourhood(const Box<D>& box)
+  {
+    const double margin = 0.25 * (box.hi - box.lo).maxCoeff();
+    return {box.lo - margin, box.hi + margin};
+  }
+
   // The items from `begin` to `end` are sorted into the subtree that starts with the next node.
-  void split(std::span<const double> boxes, std::vector<int>& items, int begin, int end)
+  // @param group that they are in, −1: none yet
+  void split(std::span<const double> boxes, std::vector<int>& items, int begin, int end, int group)
   {
     const int me = static_cast<int>(_nodes.size());
-    const bool leaf = end - begin == 1;
-    _nodes.push_back({{}, -1, leaf ? items[begin] : -1});
+    const bool leaf = end - begin == 1, is_group = group < 0 and end - begin <= group_size;
+    if (is_group)
+    {
+      group = static_cast<int>(_groups.size());
+      _groups.push_back({me, begin, end});
+    }
+    _nodes.push_back({{}, -1, leaf ? items[begin] : -1, is_group ? group : -1});
     if (leaf)
+    {
+      _group_of[items[begin]] = group;
+      _item.push_back(items[begin]);
       return;
+    }
     Box<D> centres;
     for (int k = begin; k < end; ++k)
     {
@@ -176,12 +296,17 @@ private:
     const int middle = (begin + end) / 2;
     std::nth_element(items.begin() + begin, items.begin() + middle, items.begin() + end,
                      [&](int a, int b) { return centre(a) < centre(b); });
-    split(boxes, items, begin, middle);
+    split(boxes, items, begin, middle, group);
     _nodes[me].second = static_cast<int>(_nodes.size());
-    split(boxes, items, middle, end);
+    split(boxes, items, middle, end, group);
   }
 
   std::vector<Node> _nodes;
+  std::vector<int> _item;     // as the leaves follow each other
+  std::vector<int> _group_of; // of each item
+  std::vector<Group> _groups;
+  std::vector<int> _offset, _near;                 // groups near each group, itself among them
+  std::vector<CoarseBox<D>> _group_box, _item_box; // the latter as _item
 };
 
 } // namespace dolfinx_contact

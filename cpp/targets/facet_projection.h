@@ -2,6 +2,7 @@
 #pragma once
 
 #include "../geometry/surface.h"
+#include "real_roots.h"
 
 #include <cmath>
 #include <limits>
@@ -40,6 +41,23 @@ public:
       , _f(facet)
       , _shape(s.ref.shape)
   {
+  }
+
+  /// True if the edges are straight.
+  bool straight() const { return _s.ref.position.degree() == 1; }
+
+  /// True if ∂²x² vanishes.
+  bool affine() const { return straight() and _shape != Shape::quadrilateral; }
+
+  /// True if ξ is beyond edge e.
+  bool beyond(const Vector<Q>& xi, int e) const
+  {
+    if constexpr (D == 2)
+      return e == 0 ? xi[0] < 0 : xi[0] > 1;
+    else if (_shape == Shape::triangle)
+      return e == 0 ? xi.sum() > 1 : xi[e - 1] < 0;
+    else
+      return e == 0 ? xi[1] < 0 : e == 1 ? xi[0] < 0 : e == 2 ? xi[0] > 1 : xi[1] > 1;
   }
 
   /// Position, tangents and, if wanted, curvature at ξ.
@@ -119,7 +137,8 @@ public:
   /// @returns false if it left the neighbourhood of the facet or did not settle
   bool closest(const Vector<D>& x, Vector<Q>& xi) const
   {
-    const bool affine = _s.ref.position.degree() == 1 and _shape != Shape::quadrilateral;
+    const bool affine = this->affine();
+    double last = INFINITY;
     for (int it = 0; it < max_it; ++it)
     {
       const FacetPoint<D> p = at(xi, not affine);
@@ -138,7 +157,7 @@ public:
       const Vector<Q> dxi = A.inverse() * (p.tau.transpose() * r);
       if (not step(xi, dxi))
         return false;
-      if (affine or dxi.template lpNorm<Eigen::Infinity>() < settled)
+      if (affine or settled(dxi, last))
         return true;
     }
     return false;
@@ -147,7 +166,8 @@ public:
   /// Intersection of the line x + s e with the facet's extension (F5); Newton from `xi`.
   bool intersect(const Vector<D>& x, const Vector<D>& e, Vector<Q>& xi, double& s) const
   {
-    const bool affine = _s.ref.position.degree() == 1 and _shape != Shape::quadrilateral;
+    const bool affine = this->affine();
+    double last = INFINITY;
     for (int it = 0; it < max_it; ++it)
     {
       const FacetPoint<D> p = at(xi, false);
@@ -161,7 +181,7 @@ public:
       const Vector<Q> dxi = d.template head<Q>();
       if (not step(xi, dxi))
         return false;
-      if (affine or dxi.template lpNorm<Eigen::Infinity>() < settled)
+      if (affine or settled(dxi, last))
         return true;
     }
     return false;
@@ -189,30 +209,18 @@ public:
     {
       const auto v = reference_edge(_shape, e);
       const Vector<Q> a = vertex(_shape, v[0]), E = vertex(_shape, v[1]) - a;
-      const bool straight = _s.ref.position.degree() == 1;
-      double eta = 0.5;
-      for (int it = 0; it < max_it; ++it)
+      const Curve curve = along(a, E);
+      double eta = 0, least = distance2(curve.at(0));
+      auto offer = [&](double t)
       {
-        const FacetPoint<D> p = at(a + eta * E, not straight);
-        const Vector<D> tau = p.tau * E, r = x - p.x;
-        const Vector<D> b = tau - m.dot(tau) * m;
-        const double metric = tau.dot(b);
-        double A = metric;
-        if (not straight)
+        if (const double d2 = distance2(curve.at(t)); d2 < least)
         {
-          const Vector<D> c
-              = E[0] * E[0] * p.d2(0, 0) + 2 * E[0] * E[1] * p.d2(0, 1) + E[1] * E[1] * p.d2(1, 1);
-          A -= (r - m.dot(r) * m).dot(c);
-          if (A <= 1e-3 * metric)
-            A = metric;
+          least = d2;
+          eta = t;
         }
-        const double change = metric > 0 ? std::clamp(r.dot(b) / A, -0.5, 0.5) : 0.0;
-        const double full = metric > 0 ? r.dot(b) / A : 0.0;
-        eta += straight ? full : change;
-        eta = std::clamp(eta, -0.5, 1.5);
-        if (straight or std::abs(change) < settled)
-          break;
-      }
+      };
+      offer(1);
+      curve.orthogonal(x, m).roots(0, 1, offer);
       if (eta > 0 and eta < 1)
       {
         t.xi = a + eta * E;
@@ -250,17 +258,44 @@ public:
     return best;
   }
 
+  /// A line of constant direction in ξ, mapped to space: x₀ + x₁ t + x₂ t².
+  struct Curve
+  {
+    Vector<D> x0, x1, x2;
+
+    Vector<D> at(double t) const { return x0 + t * (x1 + t * x2); }
+
+    /// (T_m (x − x²(t)))·∂_t x²: vanishes at the points nearest to x, seen along m.
+    Cubic orthogonal(const Vector<D>& x, const Vector<D>& m) const
+    {
+      auto flat = [&](const Vector<D>& v) { return Vector<D>(v - m.dot(v) * m); };
+      const Vector<D> r = flat(x - x0), a = flat(x1), b = flat(x2);
+      return {{r.dot(a), 2 * r.dot(b) - a.dot(a), -3 * a.dot(b), -2 * b.dot(b)}};
+    }
+  };
+
+  /// The curve ξ = a + t E: the whole facet in 2D, an edge in 3D.
+  Curve along(const Vector<Q>& a, const Vector<Q>& E) const
+  {
+    const FacetPoint<D> p = at(a, not straight());
+    Curve c{p.x, p.tau * E, Vector<D>::Zero()};
+    if (not straight())
+      for (int i = 0; i < Q; ++i)
+        for (int j = 0; j < Q; ++j)
+          c.x2 += 0.5 * E[i] * E[j] * p.d2(i, j);
+    return c;
+  }
+
 private:
   static constexpr int max_it = 25;
-  static constexpr double settled = 1e-13;
+  static constexpr double resolution = 1e-13;
 
   // ξ += Δξ, at most half a facet at a time, within [−1, 2]; affine facets take the step whole
   bool step(Vector<Q>& xi, const Vector<Q>& dxi) const
   {
     if (not dxi.allFinite())
       return false;
-    const bool affine = _s.ref.position.degree() == 1 and _shape != Shape::quadrilateral;
-    if (affine)
+    if (affine())
     {
       xi += dxi;
       return true;
@@ -270,7 +305,17 @@ private:
     const Vector<Q> kept = xi.cwiseMax(-1.0).cwiseMin(2.0);
     const bool inside = kept == xi;
     xi = kept;
-    return inside or size > settled;
+    return inside or size > resolution;
+  }
+
+  // Newton's method has done what round-off permits: far from the origin its steps stop shrinking
+  // before they reach the resolution
+  static bool settled(const Vector<Q>& dxi, double& last)
+  {
+    const double size = dxi.template lpNorm<Eigen::Infinity>();
+    const bool done = size < resolution or (size < 1e-9 and size >= 0.5 * last);
+    last = size;
+    return done;
   }
 
   const Surface& _s;

@@ -21,8 +21,12 @@ Search<D>::Search(const Surface& master, const SearchOptions<D>& options)
   for (int f = 0; f < master.size(); ++f)
     _diameter[f] = master.diameter(f);
   if (not _diameter.empty())
+  {
     _largest = *std::max_element(_diameter.begin(), _diameter.end());
+    _typical = std::accumulate(_diameter.begin(), _diameter.end(), 0.0) / _diameter.size();
+  }
   _tree = BoxTree<D>(master.boxes());
+  _tree.link();
 
   // A corner is at an end if an edge of any facet that meets there is
   const Shape shape = master.ref.shape;
@@ -44,6 +48,7 @@ template <int D>
 void Search<D>::refit(const Surface& master)
 {
   _tree.refit(master.boxes());
+  _tree.link();
 }
 
 // Lower bound of the cost of all facets in a box; a line may pass it beside by `reach`.
@@ -121,48 +126,34 @@ bool Search<D>::within_end(const Query& q, const Target<D>& t) const
   return (r - r.dot(m) * m).norm() <= _options.end_tolerance * _diameter[t.facet];
 }
 
-// (F4) closest point of the facet, clamped to its edges; (F5), (F6) a solution inside the facet.
+// (F4) closest point of the facet, clamped to its edges; (F5), (F6) the nearest solution inside it.
 template <int D>
-auto Search<D>::on_facet(const Query& q, int f, const Vector<Q>* start) const -> Found
+auto Search<D>::on_facet(const Query& q, int f, double limit, const Vector<Q>* start) const -> Found
 {
   Found found;
   const FacetProjection<D> facet(q.master, f);
+  const Vector<Q> first = start ? *start : facet.start(q.x);
+  const Shape shape = q.master.ref.shape;
   Target<D> t;
   t.facet = f;
-  t.xi = start ? *start : facet.start(q.x);
   if (_options.rule == TargetRule::proximity)
   {
-    if (facet.closest(q.x, t.xi) and facet.outside(t.xi) <= inside)
-      found.cost = (q.x - facet.at(t.xi, false).x).norm();
-    else
-    {
-      double best = INFINITY;
-      Target<D> clamped;
-      for (int e = 0; e < num_edges(q.master.ref.shape); ++e)
-      {
-        const double d2 = facet.clamp(q.x, Vector<D>::Zero(), e, clamped);
-        if (d2 < best)
-        {
-          best = d2;
-          t = clamped;
-        }
-      }
-      found.cost = std::sqrt(best);
-    }
+    const double distance = closest_point(facet, shape, q.x, first, limit, inside, t);
+    if (distance <= _options.radius and faces(q, facet, t))
+      found = {t, distance};
+    return found;
   }
-  else
+  auto offer = [&](const Vector<Q>& xi, double s)
   {
-    double s = 0;
-    const bool solved = _options.rule == TargetRule::smooth
-                            ? SmoothProjection<D>(q.master, f, *q.normals).solve(q.x, t.xi, s)
-                            : facet.intersect(q.x, q.e, t.xi, s);
-    if (not solved or facet.outside(t.xi) > inside)
-      return found;
-    found.cost = std::abs(s);
-  }
-  if (found.cost > _options.radius or not faces(q, facet, t))
-    return {};
-  found.target = t;
+    t.xi = xi;
+    if (std::abs(s) < found.cost and std::abs(s) <= _options.radius and facet.outside(xi) <= inside
+        and faces(q, facet, t))
+      found = {t, std::abs(s)};
+  };
+  if (_options.rule == TargetRule::smooth)
+    SmoothProjection<D>(q.master, f, *q.normals).solutions(q.x, first, limit, offer);
+  else
+    crossings(facet, shape, q.x, q.e, first, offer);
   return found;
 }
 
@@ -214,8 +205,7 @@ auto Search<D>::keep(const Query& q, const Target<D>& former, double cost) const
   const double near = cost + _options.margin * _diameter[t.facet];
   double s = 0;
   const bool proximity = _options.rule == TargetRule::proximity;
-  const bool solved
-      = proximity ? facet.closest(q.x, t.xi) : facet.intersect(q.x, q.e, t.xi, s);
+  const bool solved = proximity ? facet.closest(q.x, t.xi) : facet.intersect(q.x, q.e, t.xi, s);
   if (solved and facet.outside(t.xi) <= _options.margin and not facet.beyond_end(t.xi, inside))
   {
     const double c = proximity ? (q.x - facet.at(t.xi, false).x).norm() : std::abs(s);
@@ -225,7 +215,7 @@ auto Search<D>::keep(const Query& q, const Target<D>& former, double cost) const
   else if (proximity)
   {
     // at an inner ridge both facets hold the closest point: stay on the former one
-    const Found again = on_facet(q, former.facet);
+    const Found again = on_facet(q, former.facet, INFINITY);
     if (again.cost <= cost + tie * _diameter[t.facet])
       found = again;
   }
@@ -235,24 +225,38 @@ auto Search<D>::keep(const Query& q, const Target<D>& former, double cost) const
 template <int D>
 Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
 {
+  if (_tree.empty())
+    return {};
   Found best;
   const double slack = tie * _largest;
   auto key = [&](const Box<D>& box) { return bound(box, q, inside * _largest); };
   double limit = _options.radius;
-  if (former.facet >= 0) // a warm start bounds the search
+  auto visit = [&](int f)
   {
-    best = on_facet(q, former.facet, &former.xi);
+    if (q.master.candidate[f] and f != former.facet)
+      best_of(q, on_facet(q, f, limit), best);
+    return limit = std::min(limit, best.cost + slack);
+  };
+  if (former.facet >= 0) // a warm start bounds the search
+    best = on_facet(q, former.facet, limit, &former.xi);
+  if (best.target.facet >= 0)
+  {
     limit = std::min(limit, best.cost + slack);
+    _tree.descend_near(former.facet, q.x.array(), limit + inside * _largest, key, visit, limit);
   }
-  _tree.descend(
-      key,
-      [&](int f)
-      {
-        if (q.master.candidate[f] and f != former.facet)
-          best_of(q, on_facet(q, f), best);
-        return std::min(_options.radius, best.cost + slack);
-      },
-      limit);
+  else
+  {
+    // Nothing bounds it before the first target: where the nearest facet has none, the tree would
+    // show half of the surface before the next. So the bound grows by and by.
+    const double farthest = std::min(_options.radius, _tree.root().farthest(q.x.array()));
+    double reach = std::max(_typical, 1e-3 * farthest);
+    for (bool more = true; more; reach *= 4)
+    {
+      limit = std::min({reach, _options.radius, best.cost + slack});
+      _tree.descend(key, visit, limit);
+      more = reach < farthest and not(best.cost <= reach);
+    }
+  }
 
   const bool stayed = best.target.facet == former.facet and best.target.clamp == Clamp::none;
   if (_options.rule != TargetRule::smooth and best.target.facet >= 0 and former.facet >= 0

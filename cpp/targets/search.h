@@ -2,6 +2,7 @@
 #pragma once
 
 #include "bounding_volumes.h"
+#include "facet_targets.h"
 #include "smooth_projection.h"
 
 namespace dolfinx_contact
@@ -20,11 +21,12 @@ template <int D>
 struct SearchOptions
 {
   TargetRule rule = TargetRule::proximity;
-  double radius = INFINITY;                ///< d_max: farther points are no targets
+  double radius = INFINITY;   ///< d_max: farther points are no targets
   double end_tolerance = 0.5; ///< overshoot of a physical end that is still clamped, relative
   double margin = 1e-2;       ///< the former facet is kept while ξ is so near to it
 };
 
+/// A particle in search of its target.
 template <int D>
 struct Seeker
 {
@@ -46,6 +48,10 @@ public:
   /// The master has moved: refit the tree.
   void refit(const Surface& master);
 
+  /// Target of one particle. Facets that do not face the slave are refused.
+  /// @param former the target of the last evaluation, kept within the margin (no facet flipping;
+  /// smooth targets have no need of it)
+  /// @param normals of the master, for smooth targets
   Target<D> find(const Surface& master, const Seeker<D>& seeker, const Target<D>& former,
                  const NodalNormals<D>* normals = nullptr) const
   {
@@ -67,7 +73,7 @@ private:
   };
 
   Target<D> find(const Query& q, const Target<D>& former) const;
-  Found on_facet(const Query& q, int f, const Vector<Q>* start = nullptr) const;
+  Found on_facet(const Query& q, int f, double limit, const Vector<Q>* start = nullptr) const;
   Found at_end(const Query& q, int f) const;
   Found keep(const Query& q, const Target<D>& former, double cost) const;
   bool faces(const Query& q, const FacetProjection<D>& facet, const Target<D>& t) const;
@@ -80,7 +86,7 @@ private:
   SearchOptions<D> _options;
   BoxTree<D> _tree;
   std::vector<double> _diameter;          // of the facets, reference configuration
-  double _largest = 0;                    // of them
+  double _largest = 0, _typical = 0;      // of them
   std::vector<std::uint8_t> _end_corners; // bit v: corner v is at a physical end
 };
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 //
-// Surfaces and particles for the tests, built without Basix or DOLFINx: bases by inverting a
-// Vandermonde matrix, facets by mapping cells of a parameter domain.
+// Surfaces for the tests, built without Basix or DOLFINx: bases by inverting a Vandermonde matrix,
+// facets by mapping cells of a parameter domain.
 #pragma once
 
-#include "../targets/kinematics.h"
+#include "../targets/facet_projection.h"
 
 #include <Eigen/LU>
 #include <array>
@@ -394,160 +394,6 @@ template <int D>
 Vector<D> position(const Surface& s, const Target<D>& t)
 {
   return FacetProjection<D>(s, t.facet).at(t.xi, false).x;
-}
-
-// --- particles ------------------------------------------------------------------------------
-
-/// A particle and its target on one strongly curved facet of unit size.
-template <int D>
-struct Scene
-{
-  Element element;
-  TargetRule rule;
-  NormalRule normals;
-  Surface master;
-  std::vector<double> u;           ///< displacement of its nodes
-  Vector<D> e = Vector<D>::Zero(); ///< zero for proximity
-  Target<D> target = {};
-  Vector<D> x1 = Vector<D>::Zero(); ///< the particle
-
-  std::string text() const
-  {
-    return element.text() + (rule == TargetRule::proximity ? ", proximity" : ", direction")
-           + (normals == NormalRule::facet ? ", facet normal" : ", direction as normal")
-           + (target.clamp == Clamp::none   ? ""
-              : target.clamp == Clamp::edge ? ", edge"
-                                            : ", vertex");
-  }
-
-  bool free() const { return target.clamp == Clamp::none; }
-
-  /// True if ∂²x² does not vanish (bilinear facets: only the mixed one).
-  bool curved() const { return element.position == 2 or element.shape == Shape::quadrilateral; }
-
-  /// The target of the particle x on the surface m, clamped as `target` is.
-  bool solve(const Surface& m, const Vector<D>& x, Target<D>& t) const
-  {
-    t = target;
-    const FacetProjection<D> facet(m, 0);
-    double s;
-    if (t.clamp == Clamp::edge)
-      facet.clamp(x, e, target.edge, t);
-    else if (free())
-      return rule == TargetRule::proximity ? facet.closest(x, t.xi)
-                                           : facet.intersect(x, e, t.xi, s);
-    return t.clamp == target.clamp and t.edge == target.edge;
-  }
-};
-
-/// Draw until the problem is well-posed: (F4), (F4c) at least 0.3 times as stiff as if flat, e at
-/// most 60 degrees from the normal, curvature at least 0.05 where it enters, r not along n by
-/// chance. ‖x¹ − x²‖ is 0.1 to 0.3, in penetration or open.
-template <int D>
-Scene<D> draw(const Element& element, TargetRule rule, NormalRule normals, Clamp clamp,
-              std::mt19937& random)
-{
-  constexpr int Q = D - 1;
-  const bool proximity = rule == TargetRule::proximity;
-  for (int attempt = 0; attempt < 1000; ++attempt)
-  {
-    Scene<D> s{element, rule, normals, single_facet<D>(element, 0.2, random), {}};
-    s.u = random_displacement(s.master, 0.1, random);
-    s.master.displace(s.u);
-    const FacetProjection<D> facet(s.master, 0);
-    s.target = {0, uniform_vector<Q>(random, 0.2, 0.45), clamp, 0};
-    const int corner = random() % num_vertices(element.shape);
-    Vector<Q> E = Vector<Q>::Zero();
-    if (clamp != Clamp::none)
-    {
-      s.target.edge = static_cast<std::int8_t>(corner);
-      s.target.xi = facet.vertex(element.shape, corner);
-    }
-    if (clamp == Clamp::edge)
-    {
-      E = facet.edge_direction(element.shape, corner);
-      s.target.xi = facet.vertex(element.shape, reference_edge(element.shape, corner)[0])
-                    + uniform(random, 0.2, 0.8) * E;
-    }
-
-    const FacetPoint<D> p = facet.at(s.target.xi, true);
-    const Vector<D> n = facet.normal(p), tau = p.tau * E;
-    if (not proximity)
-    {
-      s.e = (n + uniform_vector<D>(random, -1, 1)).normalized();
-      if (random() % 2)
-        s.e = -s.e;
-    }
-    Vector<D> r = uniform_vector<D>(random, -1, 1);
-    if (clamp == Clamp::none)
-      r = proximity ? n : s.e;
-    else if (clamp == Clamp::edge)
-    {
-      const Vector<D> b = tau - s.e.dot(tau) * s.e; // (F4c): r·b = 0
-      r -= r.dot(b) / b.squaredNorm() * b;
-    }
-    r *= uniform(random, 0.1, 0.3) / r.norm();
-    if (random() % 2)
-      r = -r;
-    s.x1 = p.x + r;
-
-    if (not proximity and std::abs(s.e.dot(n)) < 0.5)
-      continue;
-    const bool along_n = proximity and clamp == Clamp::none;
-    if (not along_n and std::abs(r.dot(n)) > 0.95 * r.norm())
-      continue;
-    const Eigen::Matrix<double, Q, Q> metric = p.tau.transpose() * p.tau;
-    Eigen::Matrix<double, Q, Q> bend; // r·∂²x²
-    const Vector<D> rm = r - s.e.dot(r) * s.e;
-    for (int a = 0; a < Q; ++a)
-      for (int b = 0; b < Q; ++b)
-        bend(a, b) = rm.dot(p.d2(a, b));
-    const Eigen::Matrix<double, Q, Q> A = metric - bend;
-    if (metric.determinant() < 0.1)
-      continue;
-    if (clamp == Clamp::none and proximity
-        and (A.determinant() < 0.3 * metric.determinant() or A(0, 0) < 0
-             or (s.curved() and bend.norm() < 0.05)))
-      continue;
-    if (clamp == Clamp::edge
-        and (E.dot(A * E) - std::pow(s.e.dot(tau), 2) < 0.3 * E.dot(metric * E)
-             or (element.position == 2 and std::abs(E.dot(bend * E)) < 0.05)))
-      continue;
-    Target<D> again;
-    if (s.solve(s.master, s.x1, again) and (again.xi - s.target.xi).norm() < 1e-9)
-    {
-      s.target = again;
-      return s;
-    }
-  }
-  throw std::logic_error("no well-posed scene found: " + element.text());
-}
-
-/// Two draws of all elements × rules × clamps.
-template <int D>
-std::vector<Scene<D>> scenes()
-{
-  std::mt19937 random(11);
-  std::vector<Scene<D>> out;
-  for (const Element& element : elements<D>())
-    for (auto [rule, normals] : {std::pair(TargetRule::proximity, NormalRule::facet),
-                                 std::pair(TargetRule::direction, NormalRule::facet),
-                                 std::pair(TargetRule::direction, NormalRule::direction)})
-      for (Clamp clamp : {Clamp::none, Clamp::edge, Clamp::vertex})
-        for (int i = 0; i < 2 and not(D == 2 and clamp == Clamp::edge); ++i)
-          out.push_back(draw<D>(element, rule, normals, clamp, random));
-  return out;
-}
-
-/// Step of `central`. Facets have unit size and derivatives of order one (the fifth: below 1e4), so
-/// that truncation and round-off are both near 1e-11.
-constexpr double step = 2e-4;
-
-/// Derivative of f at 0 by central differences of fourth order.
-template <typename F>
-auto central(F f)
-{
-  return ((8 * (f(step) - f(-step)) - (f(2 * step) - f(-2 * step))) / (12 * step)).eval();
 }
 
 } // namespace dolfinx_contact::test

@@ -90,6 +90,46 @@ void finds_the_nearest(const BoxTree<D>& tree, const std::vector<double>& boxes,
   REQUIRE((n < 500 or visits < 0.2 * queries * n)); // a tree, not a list
 }
 
+// From a known item, all items near a ball and not many more, with fewer boxes looked at
+template <int D>
+void finds_what_is_near(BoxTree<D>& tree, const std::vector<double>& boxes, std::mt19937& random)
+{
+  tree.link();
+  const int n = static_cast<int>(boxes.size()) / (2 * D);
+  int root = 0, near = 0;
+  for (int q = 0; q < 200; ++q)
+  {
+    const int item = random() % n;
+    const Box<D> b = BoxTree<D>::item_box(boxes, item);
+    const double radius = 0.01 * (q % 4); // also balls that reach beyond the neighbourhood
+    const Eigen::Array<double, D, 1> p
+        = 0.5 * (b.lo + b.hi) + (q % 8) * uniform_vector<D>(random, -0.02, 0.02).array();
+    std::set<int> expected, found;
+    auto key = [&](int& looks)
+    {
+      return [&](const Box<D>& box)
+      {
+        ++looks;
+        return std::sqrt(box.distance2(p));
+      };
+    };
+    auto into = [&](std::set<int>& items)
+    {
+      return [&](int i)
+      {
+        items.insert(i);
+        return radius;
+      };
+    };
+    tree.descend(key(root), into(expected), radius);
+    tree.descend_near(item, p, radius, key(near), into(found), radius);
+    REQUIRE(std::includes(found.begin(), found.end(), expected.begin(), expected.end()));
+    for (const int i : found)
+      REQUIRE(BoxTree<D>::item_box(boxes, i).distance2(p) <= 1.001 * D * radius * radius + 1e-6);
+  }
+  REQUIRE((n < 500 or near < root));
+}
+
 template <int D>
 void like_brute_force()
 {
@@ -104,6 +144,7 @@ void like_brute_force()
     {
       finds_what_overlaps(tree, boxes, random);
       finds_the_nearest(tree, boxes, random);
+      finds_what_is_near(tree, boxes, random);
       Box<D> all;
       for (int i = 0; i < n; ++i)
         all.add(BoxTree<D>::item_box(boxes, i));

@@ -1,11 +1,68 @@
 // SPDX-License-Identifier: MIT
-#include "../mechanics/contact_law.h"
-#include "facets.h"
+#include "../mechanics/coupling.h"
+#include "scenes.h"
 
 #include <catch2/catch.hpp>
 
 using namespace dolfinx_contact;
 using namespace dolfinx_contact::test;
+
+namespace
+{
+
+/// P_B, by its definition.
+template <int D>
+Vector<D> on_ball(const Vector<D>& g)
+{
+  return g.norm() > 1 ? Vector<D>(g / g.norm()) : g;
+}
+
+/// Numbers of a particle, and their variations at random.
+template <int D>
+struct Sample
+{
+  static constexpr int Z = Kinematics<D>::Z;
+  ContactLaw law;
+  double lambda = -1.4;
+  Kinematics<D> k;
+  Vector<D> Lambda;
+
+  /// @param size of g_τ
+  Sample(bool augmented, double size, std::mt19937& random)
+      : law{.rho_n = 2.3, .augmented = augmented, .friction = 0.6, .rho_t = 1.7}
+      , Lambda(uniform_vector<D>(random, -0.4, 0.4))
+  {
+    k.n = uniform_vector<D>(random, -1, 1).normalized();
+    k.gap = 0.17;
+    k.slip = uniform_vector<D>(random, -1, 1);
+    // a multiple of the slip that gives g_τ that size, its normal part at will
+    const Vector<D> g = (beside<D>(k.n) * k.slip).normalized() * size;
+    k.slip = (g - beside<D>(k.n) * Lambda) / law.rho_t + 0.3 * k.n;
+    for (int j = 0; j < Z; ++j)
+    {
+      k.z.n.col(j) = uniform_vector<D>(random, -1, 1);
+      k.z.slip.col(j) = uniform_vector<D>(random, -1, 1);
+      k.z.gap[j] = uniform(random, -1, 1);
+    }
+  }
+
+  Friction<D> friction() const { return Friction<D>(law, k.n, Lambda, k.slip); }
+
+  /// Traction and (F3) with n, d_n, slip and Λ changed. T = I − n⊗n also where n is no unit vector.
+  Eigen::Matrix<double, 2 * D, 1> at(const Vector<D>& dn, double dgap, const Vector<D>& dslip,
+                                     const Vector<D>& dLambda, bool rubs) const
+  {
+    const Vector<D> n = k.n + dn;
+    const Friction<D> f
+        = rubs ? Friction<D>(law, n, Lambda + dLambda, k.slip + dslip) : Friction<D>();
+    Eigen::Matrix<double, 2 * D, 1> out;
+    out << traction<D>(law, lambda, n, k.gap + dgap, f),
+        law.friction * lambda / law.rho_t * f.defect;
+    return out;
+  }
+};
+
+} // namespace
 
 TEST_CASE("ContactLaw: status and traction")
 {
@@ -17,44 +74,164 @@ TEST_CASE("ContactLaw: status and traction")
   REQUIRE_FALSE(closed(law, 0, 0));          // χ is the indicator of the negative reals
   REQUIRE_FALSE(closed(law, -1, -INFINITY)); // no target
   const Vector<2> n(0.6, 0.8);
-  REQUIRE(traction<2>(law, true, -2, n, 0.1) == Vector<2>(-2 * n));
-  REQUIRE(traction<2>(augmented, true, -2, n, 0.1) == Vector<2>(-3 * n));
-  REQUIRE(traction<2>(augmented, false, -2, n, 0.1) == Vector<2>::Zero());
+  REQUIRE(traction<2>(law, -2, n, 0.1, {}) == Vector<2>(-2 * n));
+  REQUIRE(traction<2>(augmented, -2, n, 0.1, {}) == Vector<2>(-3 * n));
+
+  // with friction, which keeps λ
+  ContactLaw rough = augmented;
+  rough.friction = 0.5;
+  const Vector<2> t(-0.8, 0.6);
+  const Friction<2> sticks(rough, n, Vector<2>(0.25 * t), Vector<2>(0.5 * t + 3 * n));
+  REQUIRE((traction<2>(rough, -2, n, 0.1, sticks) - (-3 * n - 0.75 * t)).norm() <= 8 * eps);
+  const Friction<2> slips(rough, n, Vector<2>::Zero(), Vector<2>(4 * t + 3 * n));
+  REQUIRE((traction<2>(rough, -2, n, 0.1, slips) - (-3 * n - t)).norm() <= 8 * eps);
+  REQUIRE_FALSE(sticks.slips);
+  REQUIRE(slips.slips);
+}
+
+TEST_CASE("ContactLaw: where friction acts")
+{
+  ContactLaw law;
+  law.friction = 0.3;
+  REQUIRE(rubs(law, true, -1e-300));
+  REQUIRE_FALSE(rubs(law, true, 0));
+  REQUIRE_FALSE(rubs(law, true, 1)); // tension would reverse it
+  REQUIRE_FALSE(rubs(law, false, -1));
+  law.least = 1e-3;
+  REQUIRE(rubs(law, true, -1.1e-3));
+  REQUIRE_FALSE(rubs(law, true, -1e-3));
+  law.friction = 0;
+  REQUIRE_FALSE(rubs(law, true, -1));
+  REQUIRE_FALSE(Friction<3>().acts);
+  REQUIRE(Friction<3>(law, Vector<3>::UnitX(), Vector<3>::Zero(), Vector<3>::Zero()).acts);
+}
+
+TEST_CASE("ContactLaw: (F2) vanishes where Signorini's conditions hold, and only there")
+{
+  // one multiplier with ψ = 1: λ ≤ 0, d_n ≤ 0, λ d_n = 0
+  const ContactLaw law{.rho_n = 2};
+  const double one = 1;
+  CouplingBasis<2> B;
+  B.N = B.psi = &one;
+  B.multiplier = 1;
+  int solutions = 0;
+  for (double lambda : {-3.0, -1.0, -0.1, 0.0, 0.1, 2.0})
+    for (double gap : {-1.0, -0.5, -0.05, 0.0, 0.05, 1.0})
+    {
+      PairVector<2> b = PairVector<2>::Zero(1);
+      add_residual<2>(B, law, closed(law, lambda, gap), lambda, gap, Vector<2>::Zero(),
+                      Vector<2>::Zero(), {}, 1.0, {}, b);
+      const bool holds = lambda <= 0 and gap <= 0 and lambda * gap == 0;
+      CAPTURE(lambda, gap);
+      REQUIRE((b[0] == 0) == holds);
+      solutions += holds;
+    }
+  REQUIRE(solutions == 7);
+}
+
+TEMPLATE_TEST_CASE_SIG("ContactLaw: (F3) vanishes where Coulomb's law holds, and only there", "",
+                       ((int D), D), 2, 3)
+{
+  // ‖TΛ‖ ≤ 1; no slip, or ‖TΛ‖ = 1 and the slip along it; then friction dissipates
+  std::mt19937 random(4);
+  const ContactLaw law{.friction = 0.4, .rho_t = 1.3};
+  int solutions = 0;
+  for (int i = 0; i < 50; ++i)
+  {
+    const Vector<D> n = uniform_vector<D>(random, -1, 1).normalized(),
+                    d = (beside<D>(n) * uniform_vector<D>(random, -1, 1)).normalized();
+    for (double size : {0.0, 0.3, 0.9, 1.0, 1.1, 2.0})
+      for (double along : {-2.0, -0.1, 0.0, 0.1, 2.0})
+      {
+        const Vector<D> Lambda = size * d + uniform(random, -1, 1) * n; // TΛ alone counts
+        const Vector<D> slip = along * d;
+        const Friction<D> f(law, n, Lambda, slip);
+        const bool holds = size <= 1 and (along == 0 or (size == 1 and along > 0));
+        CAPTURE(size, along);
+        REQUIRE((f.defect.norm() <= 20 * eps) == holds);
+        REQUIRE(f.p.norm() <= 1 + 4 * eps);
+        REQUIRE(std::abs(f.p.dot(n)) <= 4 * eps);
+        if (holds)
+          REQUIRE(traction<D>(law, -2, n, 0, f).dot(slip)
+                  == Approx(-2 * 0.4 * std::abs(along)).margin(20 * eps));
+        solutions += holds;
+      }
+  }
+  REQUIRE(solutions == 50 * 6);
+}
+
+TEMPLATE_TEST_CASE_SIG("ContactLaw: P_B and its derivative", "", ((int D), D), 2, 3)
+{
+  std::mt19937 random(5);
+  for (double size : {0.0, 0.4, 0.95, 1.05, 3.0, 40.0})
+    for (int i = 0; i < 10; ++i)
+    {
+      const Sample<D> s(false, size, random);
+      const Friction<D> f = s.friction();
+      const Vector<D> g = beside<D>(s.k.n) * (s.Lambda + s.law.rho_t * s.k.slip);
+      CAPTURE(size);
+      REQUIRE(g.norm() == Approx(size).margin(20 * eps));
+      REQUIRE((f.p - on_ball<D>(g)).norm() <= 20 * eps);
+      REQUIRE(f.slips == (size > 1));
+      REQUIRE((f.defect - (beside<D>(s.k.n) * s.Lambda - f.p)).norm() <= 20 * eps);
+      for (int j = 0; j < D; ++j) // (F10), in all directions
+      {
+        const Vector<D> dp
+            = central([&](double h) { return on_ball<D>(g + h * Vector<D>::Unit(j)); });
+        REQUIRE((f.DP.col(j) - dp).norm() <= 1e-10);
+      }
+    }
+}
+
+TEMPLATE_TEST_CASE_SIG("ContactLaw: at the edge of the ball the derivative is that of slip", "",
+                       ((int D), D), 2, 3)
+{
+  std::mt19937 random(6);
+  const ContactLaw law{.friction = 0.3};
+  const Vector<D> n = uniform_vector<D>(random, -1, 1).normalized(),
+                  d = (beside<D>(n) * uniform_vector<D>(random, -1, 1)).normalized();
+  for (double size : {1 - 1e-12, 1 - eps, 1.0, 1 + eps, 1 + 1e-12})
+  {
+    const Friction<D> f(law, n, size * d, Vector<D>::Zero());
+    CAPTURE(size - 1);
+    REQUIRE(f.slips);
+    REQUIRE((f.DP - beside<D>(d)).norm() <= 1e-11);
+    REQUIRE((f.p - d).norm() <= 2e-12); // P_B itself is continuous
+    REQUIRE(f.p.norm() <= 1 + 4 * eps);
+  }
+  REQUIRE_FALSE(Friction<D>(law, n, (1 - 1e-7) * d, Vector<D>::Zero()).slips);
 }
 
 TEMPLATE_TEST_CASE_SIG("ContactLaw: the linearised traction is the traction's derivative", "",
                        ((int D), D), 2, 3)
 {
-  constexpr int Z = Kinematics<D>::Z;
   std::mt19937 random(3);
+  const Vector<D> none = Vector<D>::Zero();
   for (bool augmented : {false, true})
-  {
-    const ContactLaw law{2.3, augmented};
-    Kinematics<D> k;
-    k.n = uniform_vector<D>(random, -1, 1).normalized();
-    k.gap = 0.17;
-    for (int j = 0; j < Z; ++j)
+    for (double size : {0.0, 0.4, 0.9, 1.1, 3.0}) // of g_τ; 0: no friction
     {
-      k.dn.col(j) = uniform_vector<D>(random, -1, 1);
-      k.dgap[j] = uniform(random, -1, 1);
+      const Sample<D> s(augmented, size, random);
+      const bool rubs = size > 0;
+      const auto out
+          = respond<D, all_terms>(s.law, s.lambda, s.k, s.k.z, rubs ? s.friction() : Friction<D>());
+      CAPTURE(augmented, size);
+      for (int j = 0; j < s.Z; ++j)
+      {
+        const Vector<D> dn = s.k.z.n.col(j), dslip = s.k.z.slip.col(j);
+        const double dgap = s.k.z.gap[j];
+        auto at = [&](double h) { return s.at(h * dn, h * dgap, h * dslip, none, rubs); };
+        Eigen::Matrix<double, 2 * D, 1> expected = central(at), found;
+        found << out.t.col(j), out.row.col(j);
+        REQUIRE((found - expected).norm() <= 1e-9);
+        if (not rubs)
+        {
+          // quadratic in (n, d_n): central differences have no truncation, hence a large step
+          const double h = 0.5, tol = 20 * eps / h;
+          expected = (at(h) - at(-h)) / (2 * h);
+          REQUIRE((found - expected).norm() <= tol);
+        }
+      }
+      REQUIRE(out.t.norm() > 1);
+      REQUIRE((out.row.norm() > 0.1) == rubs);
     }
-    const double lambda = -1.4;
-    const Traction<D> out = linearised_traction<D>(law, lambda, k);
-    REQUIRE(out.t == traction<D>(law, true, lambda, k.n, k.gap));
-
-    // t is quadratic in (λ, n, d_n): central differences have no truncation, hence a large step
-    const double h = 0.5, tol = 20 * eps / h;
-    auto at = [&](double s, const Vector<D>& dn, double dgap, double dlambda)
-    {
-      const Vector<D> n = k.n + s * dn;
-      return traction<D>(law, true, lambda + s * dlambda, n, k.gap + s * dgap);
-    };
-    auto derivative = [&](const Vector<D>& dn, double dgap, double dlambda)
-    { return Vector<D>((at(h, dn, dgap, dlambda) - at(-h, dn, dgap, dlambda)) / (2 * h)); };
-    for (int j = 0; j < Z; ++j)
-      REQUIRE((out.dz.col(j) - derivative(k.dn.col(j), k.dgap[j], 0)).norm() <= tol);
-    REQUIRE((out.dlambda - derivative(Vector<D>::Zero(), 0, 1)).norm() <= tol);
-    REQUIRE(out.dz.norm() > 1);
-    REQUIRE(out.dlambda.norm() > 0.9);
-  }
 }

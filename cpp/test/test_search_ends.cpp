@@ -12,14 +12,22 @@ using namespace dolfinx_contact::test;
 namespace
 {
 
+/// Settings with the rule alone.
 template <int D>
 SearchOptions<D> options(TargetRule rule)
 {
   SearchOptions<D> o;
   o.rule = rule;
-  if (rule == TargetRule::direction)
-    o.direction = -Vector<D>::Unit(D - 1);
   return o;
+}
+
+/// A particle that looks down where a direction is asked for.
+template <int D>
+Seeker<D> seeker(TargetRule rule, const Vector<D>& x, const Vector<D>& outward)
+{
+  if (rule == TargetRule::direction)
+    return {x, outward, -Vector<D>::Unit(D - 1)};
+  return {x, outward};
 }
 
 // The overshoot at which targets are lost is the tolerance times the facet's diameter
@@ -43,7 +51,7 @@ void lets_go_beyond_ends(const Element& element, TargetRule rule)
         Vector<D> x = end;
         x[0] += side * overshoot;
         x[D - 1] = gap;
-        return search.find(s, x, outward, {});
+        return search.find(s, seeker<D>(rule, x, outward), {});
       };
       CAPTURE(gap, side);
       for (double overshoot : {1e-3, 0.5 * reach, (1 - 1e-9) * reach})
@@ -91,11 +99,11 @@ void lets_go_beyond_corners(const Element& element)
         ++corners;
         const Vector<3> outward(0, 0, -1);
         const Vector<3> up(0, 0, 0.01);
-        const Target<3> near = search.find(s, corner + 0.1 * radius + up, outward, {});
+        const Target<3> near = search.find(s, {corner + 0.1 * radius + up, outward}, {});
         REQUIRE(near.facet >= 0);
         REQUIRE((position(s, near) - corner).norm() <= 10 * eps);
         for (double overshoot : {3.0, 10.0}) // facets are smaller than 1/2
-          REQUIRE(search.find(s, corner + overshoot * radius + up, outward, {}).facet == -1);
+          REQUIRE(search.find(s, {corner + overshoot * radius + up, outward}, {}).facet == -1);
       }
     REQUIRE(corners >= 4 * n);
   }
@@ -121,10 +129,10 @@ TEST_CASE("search: directions that graze all facets, candidates and radius")
 {
   Surface s = plate<2>({Shape::interval, 1, 1}, 4);
   SearchOptions<2> o = options<2>(TargetRule::direction);
-  o.direction = Vector<2>(1, -0.09).normalized(); // |e·n| < 0.1
-  REQUIRE(Search<2>(s, o).find(s, {0.4, 0.01}, {0, -1}, {}).facet == -1);
-  o.direction = Vector<2>(1, -0.11).normalized();
-  REQUIRE(Search<2>(s, o).find(s, {0.4, 0.01}, {0, -1}, {}).facet >= 0);
+  Seeker<2> grazing{{0.4, 0.01}, {0, -1}, Vector<2>(1, -0.09).normalized()}; // |e·n| < 0.1
+  REQUIRE(Search<2>(s, o).find(s, grazing, {}).facet == -1);
+  grazing.e = Vector<2>(1, -0.11).normalized();
+  REQUIRE(Search<2>(s, o).find(s, grazing, {}).facet >= 0);
 
   for (TargetRule rule : {TargetRule::proximity, TargetRule::direction})
   {
@@ -133,19 +141,19 @@ TEST_CASE("search: directions that graze all facets, candidates and radius")
     const Search<2> search(s, o);
     for (double side : {-1.0, 1.0})
     {
-      REQUIRE(search.find(s, {0.4, side * 0.0999}, {0, -1}, {}).facet >= 0);
-      REQUIRE(search.find(s, {0.4, side * 0.1001}, {0, -1}, {}).facet == -1);
+      REQUIRE(search.find(s, seeker<2>(rule, {0.4, side * 0.0999}, {0, -1}), {}).facet >= 0);
+      REQUIRE(search.find(s, seeker<2>(rule, {0.4, side * 0.1001}, {0, -1}), {}).facet == -1);
     }
     Target<2> former;
     former.facet = 0; // a warm start does not reach farther
-    REQUIRE(search.find(s, {0.4, 0.1001}, {0, -1}, former).facet == -1);
+    REQUIRE(search.find(s, seeker<2>(rule, {0.4, 0.1001}, {0, -1}), former).facet == -1);
   }
 
   // facets whose ring is not here are no targets
   const Search<2> search(s, options<2>(TargetRule::proximity));
-  const int first = search.find(s, {0.4, 0.01}, {0, -1}, {}).facet;
+  const int first = search.find(s, {{0.4, 0.01}, {0, -1}}, {}).facet;
   s.candidate[first] = 0;
-  const int second = search.find(s, {0.4, 0.01}, {0, -1}, {}).facet;
+  const int second = search.find(s, {{0.4, 0.01}, {0, -1}}, {}).facet;
   REQUIRE(second >= 0);
   REQUIRE(second != first);
 }
@@ -162,7 +170,7 @@ TEST_CASE("search: targets follow a moving master after refit")
     s.displace(u);
     search.refit(s);
     const Vector<3> x(0.43, 3.28, 0.2), foot(0.43, 3.28, 0);
-    const Target<3> t = search.find(s, x, {0, 0, -1}, {});
+    const Target<3> t = search.find(s, seeker<3>(rule, x, {0, 0, -1}), {});
     REQUIRE(t.facet >= 0);
     REQUIRE((position(s, t) - foot).norm() <= 20 * eps);
   }

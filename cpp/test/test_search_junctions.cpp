@@ -15,14 +15,22 @@ using namespace dolfinx_contact::test;
 namespace
 {
 
+/// Settings with the rule alone.
 template <int D>
 SearchOptions<D> options(TargetRule rule)
 {
   SearchOptions<D> o;
   o.rule = rule;
-  if (rule == TargetRule::direction)
-    o.direction = -Vector<D>::Unit(D - 1);
   return o;
+}
+
+/// A particle that looks down where a direction is asked for.
+template <int D>
+Seeker<D> seeker(TargetRule rule, const Vector<D>& x, const Vector<D>& outward)
+{
+  if (rule == TargetRule::direction)
+    return {x, outward, -Vector<D>::Unit(D - 1)};
+  return {x, outward};
 }
 
 /// The same facets in another order.
@@ -68,7 +76,7 @@ void keeps_the_former_facet(const Element& element, TargetRule rule)
       Vector<D> x = Vector<D>::Constant(0.2);
       x[0] = 0.5 + direction * overshoot * h;
       x[D - 1] = 0.05;
-      return search.find(s, x, outward, former);
+      return search.find(s, seeker<D>(rule, x, outward), former);
     };
     const Target<D> former = at(-0.1, {}), other = at(0.1, {});
     REQUIRE(former.facet >= 0);
@@ -113,14 +121,14 @@ TEST_CASE("search: at an inner ridge the former facet is kept")
                    [](const Eigen::Vector3d& p) { return Vector<2>(p[0], -std::abs(p[0] - 0.5)); });
     const Search<2> search(s, options<2>(TargetRule::proximity));
     const Vector<2> outward(0, -1);
-    const Target<2> left = search.find(s, {0.4, 0}, outward, {}),
-                    right = search.find(s, {0.6, 0}, outward, {});
+    const Target<2> left = search.find(s, {{0.4, 0}, outward}, {}),
+                    right = search.find(s, {{0.6, 0}, outward}, {});
     REQUIRE(std::min(left.facet, right.facet) == 0);
     REQUIRE(std::max(left.facet, right.facet) == 1);
     for (double x : {0.47, 0.5, 0.53}) // normals of both facets see it: the wedge is ±0.1
     {
-      const Target<2> l = search.find(s, {x, 0.1}, outward, left),
-                      r = search.find(s, {x, 0.1}, outward, right);
+      const Target<2> l = search.find(s, {{x, 0.1}, outward}, left),
+                      r = search.find(s, {{x, 0.1}, outward}, right);
       REQUIRE(l.facet == left.facet);
       REQUIRE(r.facet == right.facet);
       for (const Target<2>& t : {l, r})
@@ -129,7 +137,7 @@ TEST_CASE("search: at an inner ridge the former facet is kept")
         REQUIRE((position(s, t) - Vector<2>(0.5, 0)).norm() <= 4 * eps);
       }
     }
-    REQUIRE(search.find(s, {0.65, 0.1}, outward, left).facet == right.facet);
+    REQUIRE(search.find(s, {{0.65, 0.1}, outward}, left).facet == right.facet);
   }
 }
 
@@ -160,7 +168,7 @@ TEST_CASE("search: ties go to the lowest global facet number")
             lowest = std::min(lowest, t.id[j / t.nv()]);
           }
         REQUIRE(around >= 3);
-        const Target<3> found = search.find(t, 1.2 * corner, -corner, {});
+        const Target<3> found = search.find(t, {1.2 * corner, -corner}, {});
         REQUIRE(found.facet >= 0);
         REQUIRE((position(t, found) - corner).norm() <= 10 * eps);
         REQUIRE(t.id[found.facet] == lowest);
@@ -188,8 +196,8 @@ TEST_CASE("search: the far side of a thin body is refused")
       for (double x : {-0.5, 0.0, 0.3})
         for (double depth : {-0.008, -0.05})
         {
-          const Target<2> top = search.find(s, {x, depth}, {0, -1}, {}),
-                          bottom = search.find(s, {x, depth}, {0, 1}, {});
+          const Target<2> top = search.find(s, seeker<2>(rule, {x, depth}, {0, -1}), {}),
+                          bottom = search.find(s, seeker<2>(rule, {x, depth}, {0, 1}), {});
           CAPTURE(degree, static_cast<int>(rule), x, depth);
           REQUIRE(top.facet >= 0);
           REQUIRE(bottom.facet >= 0);
@@ -201,7 +209,7 @@ TEST_CASE("search: the far side of a thin body is refused")
   for (TargetRule rule : {TargetRule::proximity, TargetRule::direction})
   {
     const Search<2> search(s, options<2>(rule));
-    REQUIRE(search.find(s, {0.4, 0.01}, {0, -1}, {}).facet >= 0);
-    REQUIRE(search.find(s, {0.4, 0.01}, {0, 1}, {}).facet == -1);
+    REQUIRE(search.find(s, seeker<2>(rule, {0.4, 0.01}, {0, -1}), {}).facet >= 0);
+    REQUIRE(search.find(s, seeker<2>(rule, {0.4, 0.01}, {0, 1}), {}).facet == -1);
   }
 }

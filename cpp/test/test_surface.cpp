@@ -75,8 +75,16 @@ void displaced_by_a_field(const Element& element)
       REQUIRE((point<D>(s, f, xi).x - x).norm() <= tol);
     }
 
+  // the old position keeps to itself
+  REQUIRE(s.x_old == s.X);
+  const std::vector<double> x = s.x;
+  s.remember(u);
+  REQUIRE(s.x_old == x);
   s.displace(std::vector<double>(u.size(), 0.0)); // displacements do not accumulate
   REQUIRE(s.x == s.X);
+  REQUIRE(s.x_old == x);
+  for (int f = 0; f < s.size(); ++f)
+    REQUIRE(s.facet_x_old(f) - s.x_old.data() == s.facet_x(f) - s.x.data());
 }
 
 template <int D>
@@ -157,6 +165,8 @@ TEST_CASE("Surface: displacements must be finite and one for each node")
   u[7] = bad;
   REQUIRE_THROWS_AS(s.displace(u), std::domain_error);
   REQUIRE(s.x == before);
+  REQUIRE_THROWS_AS(s.remember(u), std::domain_error);
+  REQUIRE(s.x_old == s.X);
   u[7] = 0;
   u.pop_back();
   REQUIRE_THROWS_AS(s.displace(u), std::invalid_argument);
