@@ -56,6 +56,7 @@ class FrictionUnknowns:
         """
         dim = self._pair.slave.dim
         n = self._mean(normals)
+        self._outward = -n
         moves = agreed(self._vectors, self.local, free, any_facet=True).reshape(-1, dim)
 
         t = np.empty((len(n), dim - 1, dim))
@@ -110,14 +111,23 @@ class FrictionUnknowns:
         if self.tangents is None:
             return np.zeros((len(values) // (dim - 1), dim))
         Lambda = np.einsum("na,nai->ni", values.reshape(-1, dim - 1), self.tangents)
-        n = self._mean(normals)
-        return Lambda - n * np.sum(n * Lambda, axis=1, keepdims=True)
+        n, n0 = self._mean(normals), self._outward
+        # the shortest rotation from n_0 to n, as for the particles (Turned in contact_law.h)
+        s = n0 + n
+        c = np.maximum(1 + _dot(n0, n), np.finfo(float).tiny)
+        Lambda = Lambda - s * _dot(s, Lambda) / c + 2 * n * _dot(n0, Lambda)
+        return Lambda - n * _dot(n, Lambda)
+
+
+def _dot(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Products of rows, (n, 1)."""
+    return np.sum(a * b, axis=1, keepdims=True)
 
 
 def _project(
     v: npt.NDArray[np.float64], n: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Unit tangential parts of vectors, and their former lengths; (n, dim) and (n, 1)."""
-    t = v - n * np.sum(n * v, axis=1, keepdims=True)
+    t = v - n * _dot(n, v)
     size = np.linalg.norm(t, axis=1, keepdims=True)
     return t / np.maximum(size, np.finfo(float).tiny), size

@@ -86,8 +86,9 @@ class Newton:
     def solve(self, system: System, options: dict[str, Any]) -> Report:
         """Solve from the Functions' present values. Collective.
 
-        Where Newton fails with friction, the frictionless solution of the step is tried as a start
-        (formulation, section 7): friction then knows the pressures.
+        Where Newton fails with friction, it goes on from the frictionless solution of the step
+        (formulation, section 7): friction then knows the pressures. If it fails again, statuses
+        cycle, and it is tried once more with a tenth and a hundredth of ρ_τ.
 
         Returns:
             what happened, over all attempts; the system's Functions hold the last iterate
@@ -98,14 +99,24 @@ class Newton:
         if report.converged or not any(pair.frictional for pair in system.pairs):
             return report
         log.info("no convergence with friction: once more from the frictionless solution")
-        for f, values in zip(system.functions, before):
-            f.x.array[:] = values
+        _fill(system, before)
         system.start(friction=False)
         report = _Loop(self, system, options).run(report)
-        if report.converged:
-            system.go_on()
+        if not report.converged:
+            return report
+        pressed = [f.x.array.copy() for f in system.functions]
+        for factor in (1.0, 0.1, 0.01):
+            _fill(system, pressed)
+            system.go_on(factor)
             report = _Loop(self, system, options).run(report)
+            if report.converged:
+                break
         return report
+
+
+def _fill(system: System, values: list[Any]) -> None:
+    for f, array in zip(system.functions, values):
+        f.x.array[:] = array
 
 
 class _Loop:

@@ -269,9 +269,13 @@ class System:
         self._choose_parameters(friction)
         self.read()
 
-    def go_on(self) -> None:
-        """Go on with friction in the present step, with parameters for the present pressures."""
-        self._choose_parameters(True)
+    def go_on(self, factor: float) -> None:
+        """Go on with friction in the present step, with parameters for the present pressures.
+
+        Args:
+            factor: of ρ_τ
+        """
+        self._choose_parameters(True, factor)
         self.read()
 
     def accept(self) -> None:
@@ -293,7 +297,7 @@ class System:
         self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
         self._stiffness = [contact.stiffness(diagonal) for contact in self.contacts]
 
-    def _choose_parameters(self, friction: bool) -> None:
+    def _choose_parameters(self, friction: bool, factor: float = 1.0) -> None:
         """Scales and augmentation parameters of a step.
 
         λ is scaled by the stiffness of the slave surface per area [pressure/length], and ρ_n is a
@@ -312,6 +316,7 @@ class System:
             p = p or 1e-6 * stiffness * size
             mu = max(pair.coefficient, 0.1)
             rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), _MOST_RHO_T / size)
+            rho_t *= factor
             self.parameters.append({"rho_n": rho_n, "rho_t": rho_t})
             self.scale[contact.friction_block] = rho_t
             contact.assembler.set_parameters(

@@ -22,12 +22,13 @@ from problems import (
     striped,
 )
 
+from problems import ROTATION as TURN
+
 import dolfinx_contact as dc
 
 COMM = MPI.COMM_WORLD
 MU, YOUNG, PRESS, DRAG = 0.3, 1e3, 0.02, 0.05
 SOFT = Material(neo_hookean, YOUNG, 0.3)
-ROTATION = {2: np.eye(2)}
 
 
 def blocks(dim=2, comm=COMM, partition=None, counts=(7, 5)):
@@ -37,8 +38,10 @@ def blocks(dim=2, comm=COMM, partition=None, counts=(7, 5)):
         halves[0].body.points[:, 0] *= 0.5
     else:
         halves = cube_halves((3, 2))
-        upper = halves[0].body.points
-        upper[:] = 0.2 + 0.5 * upper  # stays on the lower cube, whose axes are turned
+        upper = halves[0].body.points  # of axes that are turned
+        along = upper @ TURN
+        along[:, :2] = 0.2 + 0.5 * along[:, :2]
+        upper[:] = along @ TURN.T
     return one_mesh(comm, halves, SOFT, partition)
 
 
@@ -130,7 +133,8 @@ def test_a_rigid_rotation_changes_no_traction(target, slip):
     model = blocks()
     problem, pair = pressed(model, friction=5.0, slip=slip, **TARGETS[target])
     place(model, (0.2 * PRESS, -PRESS))
-    problem.solve()
+    for _ in range(3):  # the tangents follow the last accepted step: some 1e-7 until they settle
+        problem.solve()
     friction, pressure = pair.friction.x.array.copy(), pair.pressure.x.array.copy()
     before = model.u.x.array.reshape(-1, 2).copy()
 
@@ -245,25 +249,21 @@ def test_a_block_on_a_rigid_plane():
     np.testing.assert_allclose(*results, rtol=1e-9)
 
 
-def test_a_cube_turned_on_another():
-    """3D: friction turns against the spin; its force vanishes by symmetry and its moment does not."""
+def test_a_dragged_cube():
+    """3D: friction is μ times the pressure everywhere, and against the motion on the whole."""
     model = blocks(3)
-    pair = model.pair(friction=MU)
+    pair = model.pair(friction=MU, integration=dc.Nodes())
     problem = model.problem(pair, strategy=dc.Newton(rtol=1e-12))
-    from problems import ROTATION
-
-    normal = ROTATION[:, 2]
-    aside = ROTATION[:, 0]
-    model.move(TOP, -0.005 * normal)
-    problem.solve()
-    for way in (0.01, 0.02):
+    normal, aside = TURN[:, 2], TURN @ (0.8, 0.6, 0.0)
+    for way in (0.0, 0.02, 0.04):
         model.move(TOP, -0.005 * normal + way * aside)
         problem.solve()
     particles = pair.particles
     touching = particles.status != "open"
     assert np.all(particles.status[touching] == "slip")
-    force = pair.friction_resultant()
-    n = COMM.allreduce(particles.weight @ particles.pressure)
-    assert force @ aside == pytest.approx(-MU * n, rel=1e-3)
     lengths = np.linalg.norm(particles.friction[touching], axis=1)
     np.testing.assert_allclose(lengths, MU * particles.pressure[touching], rtol=1e-9)
+    assert abs(pair.friction_resultant() @ normal) < 0.02 * pair.resultant() @ normal
+    pressed = COMM.allreduce(particles.weight @ particles.pressure)
+    # the particles at the edges slip a little aside
+    assert pair.friction_resultant() @ aside == pytest.approx(-MU * pressed, rel=1e-2)

@@ -79,6 +79,9 @@ void Assembler<D>::begin_step(double close)
     s.changes = 0;
     const double near = close * _slave.diameter(static_cast<int>(i / _particles.rule.size()));
     s.touched = _accepted[i].closed or s.gap > -near;
+    const int np = _particles.rule.size();
+    const double* xi = &_particles.rule.points[i % np * (D - 1)];
+    s.n0 = -_slave_normals.at(_slave, static_cast<int>(i / np), xi).M.normalized();
   }
 }
 

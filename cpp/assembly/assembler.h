@@ -142,6 +142,7 @@ public:
     Vector<D> x = Vector<D>::Zero();      ///< current position
     Vector<D> n = Vector<D>::Zero();      ///< normal, inward to the master
     Vector<D> e = Vector<D>::Zero();      ///< direction of (F5)
+    Vector<D> n0 = Vector<D>::Zero();     ///< outward normal of the slave as the step began
     Vector<D> Lambda = Vector<D>::Zero(); ///< friction semi-multiplier
     Vector<D> slip = Vector<D>::Zero();   ///< ⟦Δu⟧ since the last accepted step; 0 if open
     bool closed = false;
@@ -183,7 +184,7 @@ public:
   {
     if (not s.touched or not rubs(_options.law, s.closed, s.lambda))
       return {};
-    return Friction<D>(_options.law, s.n, s.Lambda, s.slip);
+    return Friction<D>(_options.law, s.n0, s.n, s.Lambda, s.slip);
   }
 
   /// Contact traction on the slave per reference area.

@@ -368,7 +368,7 @@ void declare_assembler(py::module_& m, const char* name)
            {
              // has_target, normal and free components of the multipliers' nodes
              const auto nodes = a.nodes();
-             const py::ssize_t n = a.own(), m = n > 0 ? nodes.size() / n : 0;
+             const py::ssize_t n = a.own(), m = a.particles().nodes.size() / (D - 1);
              py::array_t<bool> found({n, m}), free({n, m, py::ssize_t(D)});
              py::array_t<double> normal({n, m, py::ssize_t(D)});
              for (std::size_t i = 0; i < nodes.size(); ++i)

@@ -31,39 +31,71 @@ inline bool rubs(const ContactLaw& law, bool closed, double lambda)
   return closed and law.friction > 0 and lambda < -law.least;
 }
 
+/// Λ turned with the surface: R Λ, R the shortest rotation that takes n_0, the slave's outward
+/// normal at the start of the step, to n. The nodes' tangents are those of n_0; turned with them, Λ
+/// stays tangential in a rotation of any size, and a rigid rotation changes no traction.
+template <int D>
+struct Turned
+{
+  using Matrix = Eigen::Matrix<double, D, D>;
+  Vector<D> value;
+  Matrix R;  ///< derivative with Λ
+  Matrix dn; ///< derivative with n
+
+  /// R v = v − s (s·v)/(1 + n_0·n) + 2 n (n_0·v), s = n_0 + n
+  Turned(const Vector<D>& n0, const Vector<D>& n, const Vector<D>& Lambda)
+  {
+    const Vector<D> s = n0 + n;
+    const double c = 1 + n0.dot(n), a = s.dot(Lambda);
+    R = Matrix::Identity() - s * s.transpose() / c + 2 * n * n0.transpose();
+    value = R * Lambda;
+    dn = -(s * Lambda.transpose() + a * Matrix::Identity()) / c + a / (c * c) * s * n0.transpose()
+         + 2 * n0.dot(Lambda) * Matrix::Identity();
+  }
+};
+
 /// P_B(g_τ) of a particle where friction acts, and what its derivative needs.
 template <int D>
 struct Friction
 {
   using Matrix = Eigen::Matrix<double, D, D>;
-  bool acts = false;                    ///< χ_τ
-  bool slips = false;                   ///< ‖g_τ‖ ≥ 1 up to round-off
-  Vector<D> p = Vector<D>::Zero();      ///< P_B(g_τ)
-  Vector<D> defect = Vector<D>::Zero(); ///< TΛ − P_B(g_τ), the residual of (F3)
-  Vector<D> Lambda = Vector<D>::Zero(), q = Vector<D>::Zero(); ///< Λ and q = Λ + ρ_τ⟦Δu⟧
-  Matrix T = Matrix::Zero(), DP = Matrix::Zero();              ///< I − n⊗n and DP_B(g_τ) (F10)
+  bool acts = false;                              ///< χ_τ
+  bool slips = false;                             ///< ‖g_τ‖ ≥ 1 up to round-off
+  Vector<D> p = Vector<D>::Zero();                ///< P_B(g_τ)
+  Vector<D> defect = Vector<D>::Zero();           ///< TΛ − P_B(g_τ), the residual of (F3)
+  Matrix T = Matrix::Zero(), DP = Matrix::Zero(); ///< I − n⊗n and DP_B(g_τ) (F10)
+  Matrix of_Lambda = Matrix::Zero();              ///< ∂(TΛ)/∂Λ
+  Matrix Lambda_of_n = Matrix::Zero();            ///< ∂(TΛ)/∂n
+  Matrix g_of_n = Matrix::Zero();                 ///< ∂g_τ/∂n at a constant slip
 
   Friction() = default;
 
+  /// @param n0 see Turned
   /// @param Lambda the semi-multiplier, a vector; only its tangential part counts
-  Friction(const ContactLaw& law, const Vector<D>& n, const Vector<D>& Lambda,
+  Friction(const ContactLaw& law, const Vector<D>& n0, const Vector<D>& n, const Vector<D>& Lambda,
            const Vector<D>& slip)
       : acts(true)
-      , Lambda(Lambda)
-      , q(Lambda + law.rho_t * slip)
       , T(Matrix::Identity() - n * n.transpose())
   {
     // A particle that slipped in the last step begins the next one at ‖g_τ‖ = 1, up to round-off:
     // both derivatives of P_B are right there, and that of slip is the better guess.
     constexpr double edge = 1 - 1e-8;
-    const Vector<D> g = T * q;
+    const Turned<D> turned(n0, n, Lambda);
+    const Vector<D> q = turned.value + law.rho_t * slip, g = T * q;
     const double size = g.norm();
     slips = size > edge;
     p = size > 1 ? Vector<D>(g / size) : g;
-    defect = T * Lambda - p;
+    defect = T * turned.value - p;
     DP.setIdentity();
     if (slips)
       DP = (DP - g * g.transpose() / (size * size)) / size;
+
+    // (F11) δ(T v) = T δv − (n·v) δn − n (δn·v)
+    of_Lambda = T * turned.R;
+    auto of_n = [&](const Vector<D>& v) -> Matrix
+    { return T * turned.dn - n.dot(v) * Matrix::Identity() - n * v.transpose(); };
+    Lambda_of_n = of_n(turned.value);
+    g_of_n = of_n(q);
   }
 };
 
@@ -98,14 +130,12 @@ Response<D, C> respond(const ContactLaw& law, double lambda, const Kinematics<D>
   if (not f.acts)
     return out;
 
-  // (F11) δg_τ = T(δΛ + ρ_τ δ⟦Δu⟧) − (n·q) δn − n (δn·q)
+  // (F11) δg_τ = T(δΛ + ρ_τ δ⟦Δu⟧) − (n·q) δn − n (δn·q), with Λ turned
   Eigen::Matrix<double, D, C> dg = Eigen::Matrix<double, D, C>::Zero();
   if constexpr (not(Drop & friction_slip))
     dg += law.rho_t * f.T * v.slip;
-  auto turned = [&](const Vector<D>& w) -> Eigen::Matrix<double, D, C>
-  { return (k.n.dot(w) * Matrix::Identity() + k.n * w.transpose()) * v.n; };
   if constexpr (not(Drop & friction_turning))
-    dg -= turned(f.q);
+    dg += f.g_of_n * v.n;
   const Eigen::Matrix<double, D, C> dp = f.DP * dg;
   out.t += law.friction * lambda * dp;
 
@@ -114,7 +144,7 @@ Response<D, C> respond(const ContactLaw& law, double lambda, const Kinematics<D>
   if constexpr (not(Drop & friction_row))
     out.row -= scale * dp;
   if constexpr (not(Drop & row_turning))
-    out.row -= scale * turned(f.Lambda);
+    out.row += scale * f.Lambda_of_n * v.n;
   return out;
 }
 

@@ -175,14 +175,14 @@ void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double
     C.col(B.first_multiplier() + a) = B.psi[a] * kl;
   if constexpr (F)
   {
-    // with δΛ: δp = DP T δΛ, δ(TΛ) = T δΛ; where friction does not act only −κ δΛ
+    // with δΛ: δ(TΛ) = T R δΛ, δp = DP δ(TΛ); where friction does not act only −κ δΛ
     Eigen::Matrix<double, R, D> kt = Eigen::Matrix<double, R, D>::Zero();
     if (f.acts)
     {
-      const Eigen::Matrix<double, D, D> dp = f.DP * f.T;
+      const Eigen::Matrix<double, D, D> dp = f.DP * f.of_Lambda;
       kt.template topRows<D>() = -w * scale.friction * law.friction * lambda * dp;
-      kt.template bottomRows<D>()
-          = w * scale.friction * scale.friction * law.friction * lambda / law.rho_t * (f.T - dp);
+      kt.template bottomRows<D>() = w * scale.friction * scale.friction * law.friction * lambda
+                                    / law.rho_t * (f.of_Lambda - dp);
     }
     else
       kt.template bottomRows<D>().diagonal().setConstant(-w * scale.friction * scale.friction

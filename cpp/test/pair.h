@@ -43,6 +43,7 @@ struct Pair
 {
   static constexpr int Q = D - 1;
   const Scene<D>& scene;
+  Vector<D> n0 = Vector<D>::Zero(); ///< of Turned
   Status status;
   bool convected; ///< measure of the slip
   ContactLaw law;
@@ -87,9 +88,11 @@ struct Pair
     if (rubs())
     {
       const Kinematics<D> k = s.placed(s.master, s.x1, s.e, s.target);
-      const double share = (beside<D>(k.n) * Lambda(U)).norm();
+      n0 = before<D>(k.n);
+      auto turned = [&]() -> Vector<D> { return Turned<D>(n0, k.n, Lambda(U)).value; };
+      const double share = (beside<D>(k.n) * turned()).norm();
       U.segment(first_friction(), tangent.size()) *= 0.4 / share;
-      law.rho_t = choose_rho<D>(k.n, Lambda(U), slip(s.master, s.x1, s.target.xi), status);
+      law.rho_t = choose_rho<D>(k.n, turned(), slip(s.master, s.x1, s.target.xi), status);
     }
   }
 
@@ -165,7 +168,7 @@ struct Pair
       const Kinematics<D> k = scene.placed(m, x, e, target);
       gap = k.gap;
       if (rubs())
-        friction = Friction<D>(law, k.n, Lambda(V), slip(m, x, target.xi));
+        friction = Friction<D>(law, n0, k.n, Lambda(V), slip(m, x, target.xi));
       t = traction<D>(law, lambda(V), k.n, gap, friction);
       m.ref.displacement.tabulate(target.xi.data(), M);
     }
@@ -198,7 +201,8 @@ struct Pair
     }
     scene.master.ref.displacement.tabulate(scene.target.xi.data(), M);
     const Kinematics<D> k = scene.template linearised<Drop>(convected);
-    const Friction<D> friction = rubs() ? Friction<D>(law, k.n, Lambda(U), k.slip) : Friction<D>();
+    const Friction<D> friction
+        = rubs() ? Friction<D>(law, n0, k.n, Lambda(U), k.slip) : Friction<D>();
     add_closed_tangent<D, F, Drop>(basis(M), law, lambda(U), k, friction, weight, scales, K);
     Eigen::MatrixXd out(size(), columns());
     out.leftCols(size()) = K;

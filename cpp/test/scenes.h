@@ -37,6 +37,13 @@ Eigen::Matrix<double, D, D> beside(const Vector<D>& v)
   return Eigen::Matrix<double, D, D>::Identity() - v * v.transpose();
 }
 
+/// n_0 of a particle whose normal n is now: turned by some 20 degrees.
+template <int D>
+Vector<D> before(const Vector<D>& n)
+{
+  return (n + 0.5 * Vector<D>::UnitX()).normalized();
+}
+
 /// D − 1 orthonormal vectors in no particular direction.
 template <int D>
 std::vector<Vector<D>> random_tangents(std::mt19937& random)

@@ -47,7 +47,8 @@ struct StarScene
   {
     if (status == Status::closed)
       return {};
-    return Friction<D>(law(status), n, Lambda(V), slip);
+    const auto now = normals.at(master, target.facet, target.xi.data()).M.normalized();
+    return Friction<D>(law(status), before<D>(now), n, Lambda(V), slip);
   }
 
   Vector<D> Lambda(const Eigen::VectorXd& V) const
@@ -277,7 +278,10 @@ StarScene<D> draw_star(const Element& element, const Rules& rules, Clamp clamp,
     // well within stick and slip
     const Kinematics<D> k = s.linearised();
     auto size = [&](Status status)
-    { return (beside<D>(k.n) * (s.Lambda(s.U) + s.law(status).rho_t * k.slip)).norm(); };
+    {
+      const Vector<D> Lambda = Turned<D>(before<D>(k.n), k.n, s.Lambda(s.U)).value;
+      return (beside<D>(k.n) * (Lambda + s.law(status).rho_t * k.slip)).norm();
+    };
     if (size(Status::stick) < 0.9 and size(Status::slip) > 1.2)
       return s;
   }

@@ -37,7 +37,7 @@ struct Sample
     k.slip = uniform_vector<D>(random, -1, 1);
     // a multiple of the slip that gives g_τ that size, its normal part at will
     const Vector<D> g = (beside<D>(k.n) * k.slip).normalized() * size;
-    k.slip = (g - beside<D>(k.n) * Lambda) / law.rho_t + 0.3 * k.n;
+    k.slip = (g - beside<D>(k.n) * turned()) / law.rho_t + 0.3 * k.n;
     for (int j = 0; j < Z; ++j)
     {
       k.z.n.col(j) = uniform_vector<D>(random, -1, 1);
@@ -46,7 +46,9 @@ struct Sample
     }
   }
 
-  Friction<D> friction() const { return Friction<D>(law, k.n, Lambda, k.slip); }
+  Vector<D> turned() const { return Turned<D>(before<D>(k.n), k.n, Lambda).value; }
+
+  Friction<D> friction() const { return Friction<D>(law, before<D>(k.n), k.n, Lambda, k.slip); }
 
   /// Traction and (F3) with n, d_n, slip and Λ changed. T = I − n⊗n also where n is no unit vector.
   Eigen::Matrix<double, 2 * D, 1> at(const Vector<D>& dn, double dgap, const Vector<D>& dslip,
@@ -54,7 +56,8 @@ struct Sample
   {
     const Vector<D> n = k.n + dn;
     const Friction<D> f
-        = rubs ? Friction<D>(law, n, Lambda + dLambda, k.slip + dslip) : Friction<D>();
+        = rubs ? Friction<D>(law, before<D>(k.n), n, Lambda + dLambda, k.slip + dslip)
+               : Friction<D>();
     Eigen::Matrix<double, 2 * D, 1> out;
     out << traction<D>(law, lambda, n, k.gap + dgap, f),
         law.friction * lambda / law.rho_t * f.defect;
@@ -81,9 +84,9 @@ TEST_CASE("ContactLaw: status and traction")
   ContactLaw rough = augmented;
   rough.friction = 0.5;
   const Vector<2> t(-0.8, 0.6);
-  const Friction<2> sticks(rough, n, Vector<2>(0.25 * t), Vector<2>(0.5 * t + 3 * n));
+  const Friction<2> sticks(rough, n, n, Vector<2>(0.25 * t), Vector<2>(0.5 * t + 3 * n));
   REQUIRE((traction<2>(rough, -2, n, 0.1, sticks) - (-3 * n - 0.75 * t)).norm() <= 8 * eps);
-  const Friction<2> slips(rough, n, Vector<2>::Zero(), Vector<2>(4 * t + 3 * n));
+  const Friction<2> slips(rough, n, n, Vector<2>::Zero(), Vector<2>(4 * t + 3 * n));
   REQUIRE((traction<2>(rough, -2, n, 0.1, slips) - (-3 * n - t)).norm() <= 8 * eps);
   REQUIRE_FALSE(sticks.slips);
   REQUIRE(slips.slips);
@@ -103,7 +106,9 @@ TEST_CASE("ContactLaw: where friction acts")
   law.friction = 0;
   REQUIRE_FALSE(rubs(law, true, -1));
   REQUIRE_FALSE(Friction<3>().acts);
-  REQUIRE(Friction<3>(law, Vector<3>::UnitX(), Vector<3>::Zero(), Vector<3>::Zero()).acts);
+  REQUIRE(
+      Friction<3>(law, Vector<3>::UnitX(), Vector<3>::UnitX(), Vector<3>::Zero(), Vector<3>::Zero())
+          .acts);
 }
 
 TEST_CASE("ContactLaw: (F2) vanishes where Signorini's conditions hold, and only there")
@@ -145,7 +150,7 @@ TEMPLATE_TEST_CASE_SIG("ContactLaw: (F3) vanishes where Coulomb's law holds, and
       {
         const Vector<D> Lambda = size * d + uniform(random, -1, 1) * n; // TΛ alone counts
         const Vector<D> slip = along * d;
-        const Friction<D> f(law, n, Lambda, slip);
+        const Friction<D> f(law, n, n, Lambda, slip);
         const bool holds = size <= 1 and (along == 0 or (size == 1 and along > 0));
         CAPTURE(size, along);
         REQUIRE((f.defect.norm() <= 20 * eps) == holds);
@@ -160,6 +165,27 @@ TEMPLATE_TEST_CASE_SIG("ContactLaw: (F3) vanishes where Coulomb's law holds, and
   REQUIRE(solutions == 50 * 6);
 }
 
+TEMPLATE_TEST_CASE_SIG("ContactLaw: Λ turns with the normal", "", ((int D), D), 2, 3)
+{
+  std::mt19937 random(8);
+  for (int i = 0; i < 20; ++i)
+  {
+    const Vector<D> n0 = uniform_vector<D>(random, -1, 1).normalized(),
+                    n = (n0 + uniform_vector<D>(random, -0.7, 0.7)).normalized(),
+                    Lambda = uniform_vector<D>(random, -1, 1);
+    const Turned<D> turned(n0, n, Lambda);
+    REQUIRE((turned.R * n0 - n).norm() <= 20 * eps);
+    REQUIRE((turned.R.transpose() * turned.R - beside<D>(Vector<D>::Zero())).norm() <= 20 * eps);
+    REQUIRE((Turned<D>(n0, n0, Lambda).value - Lambda).norm() <= 20 * eps);
+    for (int j = 0; j < D; ++j)
+    {
+      const Vector<D> fd = central(
+          [&](double h) { return Turned<D>(n0, n + h * Vector<D>::Unit(j), Lambda).value; });
+      REQUIRE((turned.dn.col(j) - fd).norm() <= 1e-9);
+    }
+  }
+}
+
 TEMPLATE_TEST_CASE_SIG("ContactLaw: P_B and its derivative", "", ((int D), D), 2, 3)
 {
   std::mt19937 random(5);
@@ -168,12 +194,12 @@ TEMPLATE_TEST_CASE_SIG("ContactLaw: P_B and its derivative", "", ((int D), D), 2
     {
       const Sample<D> s(false, size, random);
       const Friction<D> f = s.friction();
-      const Vector<D> g = beside<D>(s.k.n) * (s.Lambda + s.law.rho_t * s.k.slip);
+      const Vector<D> g = beside<D>(s.k.n) * (s.turned() + s.law.rho_t * s.k.slip);
       CAPTURE(size);
       REQUIRE(g.norm() == Approx(size).margin(20 * eps));
       REQUIRE((f.p - on_ball<D>(g)).norm() <= 20 * eps);
       REQUIRE(f.slips == (size > 1));
-      REQUIRE((f.defect - (beside<D>(s.k.n) * s.Lambda - f.p)).norm() <= 20 * eps);
+      REQUIRE((f.defect - (beside<D>(s.k.n) * s.turned() - f.p)).norm() <= 20 * eps);
       for (int j = 0; j < D; ++j) // (F10), in all directions
       {
         const Vector<D> dp
@@ -192,14 +218,14 @@ TEMPLATE_TEST_CASE_SIG("ContactLaw: at the edge of the ball the derivative is th
                   d = (beside<D>(n) * uniform_vector<D>(random, -1, 1)).normalized();
   for (double size : {1 - 1e-12, 1 - eps, 1.0, 1 + eps, 1 + 1e-12})
   {
-    const Friction<D> f(law, n, size * d, Vector<D>::Zero());
+    const Friction<D> f(law, n, n, size * d, Vector<D>::Zero());
     CAPTURE(size - 1);
     REQUIRE(f.slips);
     REQUIRE((f.DP - beside<D>(d)).norm() <= 1e-11);
     REQUIRE((f.p - d).norm() <= 2e-12); // P_B itself is continuous
     REQUIRE(f.p.norm() <= 1 + 4 * eps);
   }
-  REQUIRE_FALSE(Friction<D>(law, n, (1 - 1e-7) * d, Vector<D>::Zero()).slips);
+  REQUIRE_FALSE(Friction<D>(law, n, n, (1 - 1e-7) * d, Vector<D>::Zero()).slips);
 }
 
 TEMPLATE_TEST_CASE_SIG("ContactLaw: the linearised traction is the traction's derivative", "",

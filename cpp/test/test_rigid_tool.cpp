@@ -80,7 +80,7 @@ struct ToolPair
 
   Friction<D> friction(const Eigen::VectorXd& V, const Kinematics<D>& k) const
   {
-    return Friction<D>(law, k.n, Lambda(V), k.slip);
+    return Friction<D>(law, before<D>(k.n), k.n, Lambda(V), k.slip);
   }
 
   PairVector<D> residual(const Eigen::VectorXd& V) const
