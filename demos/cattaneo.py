@@ -12,8 +12,10 @@ The flats move as rigid plates, so that they cannot tilt: down until the force i
 until it is Q. Each of the two motions is found by a few secant steps, the sideways one from below,
 since friction depends on the way.
 
-The picture shows both tractions beside the theory, for a mesh with 20 facets on b. Half-cylinders
-are no half-spaces: that difference is in the errors below.
+The picture shows both tractions beside the theory, for a mesh with 20 facets on b. The nodes are the
+particles (`Nodes()`): the meshes match, and a node either sticks or slips. (With the default,
+Simpson's rule, the transition takes one facet more: 12 % error of the shear for 7 %.) Half-cylinders
+are no half-spaces: that difference is in the errors, too.
 
 Run it with `python3 demos/cattaneo.py`, alone or under mpirun; `--facets` (of the half-width b,
 default 20) refines the mesh. It writes demos/pictures/cattaneo.png.
@@ -42,8 +44,7 @@ SLAVE, MASTER, TOP, BOTTOM = 5, 6, 1, 2
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--facets", type=int, default=20, help="slave facets on the half-width b")
-parser.add_argument("--rho", type=float, default=None)
-facets, rho_t = parser.parse_args().facets, parser.parse_args().rho
+facets = parser.parse_args().facets
 
 # -- the meshes ---------------------------------------------------------------------------------------
 
@@ -111,7 +112,10 @@ bcs = [
     fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, facet_tags.find(BOTTOM)), V),
 ]
 pair = dc.ContactPair(
-    dc.Surface(u, facet_tags, SLAVE), dc.Surface(u, facet_tags, MASTER), friction=mu, rho_t=rho_t
+    dc.Surface(u, facet_tags, SLAVE),
+    dc.Surface(u, facet_tags, MASTER),
+    friction=mu,
+    integration=dc.Nodes(),
 )
 problem = dc.ContactProblem(F, u, [pair], bcs=bcs)
 
@@ -185,5 +189,10 @@ if comm.rank == 0:
     figure.savefig(file, dpi=130)
     print("picture:", file)
     assert abs(stick - c) < h, "stick half-width within one facet"
-    assert error_q < 0.08, "shear profile within 8 %"
+    assert error_q < 0.08 * max(1, 20 / facets), "shear profile within 8 % at 20 facets"
+    coulomb = np.linalg.norm(particles.friction[order], axis=1) - mu * p
+    assert coulomb.max() < 1e-9 * p0, "friction is at most μ times the pressure"
+    slips = (particles.status == "slip")[order]
+    assert np.all(np.abs(coulomb[slips]) < 1e-9 * p0), "and is that where particles slip"
+    assert np.all(q[slips] * particles.slip[order, 0][slips] >= 0), "against the slip"
     assert abs(p.max() / p0 - 1) < 0.03

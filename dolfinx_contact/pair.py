@@ -265,7 +265,8 @@ class ContactPair:
     @property
     def particles(self) -> Particles:
         """State of this rank's particles, one row each."""
-        return Particles.of(self.comm, {k: v.copy() for k, v in self._solved().items()})
+        table = {k: v.copy() for k, v in self._solved().items()}
+        return Particles.of(self.comm, table, self.frictional)
 
     def resultant(self) -> npt.NDArray[np.float64]:
         """Total contact force on the slave, (dim,) [force]: ∫ t dΓ of (F1). Collective."""
@@ -302,7 +303,8 @@ class Particles:
         reference, position: where the particle is, undeformed and now [length]
         gap: distance to the master along the normal, ≥ 0 when open, inf without a target [length]
         pressure: nominal contact pressure, ≥ 0 in compression [force/reference area]
-        status: "open", "stick" or "slip"; without friction all that touch slip
+        status: "open", "stick" or "slip". Without friction all that touch slip; one that has closed
+            in the last step has no slip yet
         slip: tangential slip in the last step, against the master; 0 if open [length]
         target: its target on the master's current surface, nan without one [length]
         normal: normal at the target, pointing away from the slave, nan without a target
@@ -331,7 +333,7 @@ class Particles:
     comm: Any = None
 
     @classmethod
-    def of(cls, comm: Any, table: dict[str, Any]) -> Particles:
+    def of(cls, comm: Any, table: dict[str, Any], frictional: bool) -> Particles:
         """From the assembler's table."""
         closed = table["closed"]
         pressure = -np.einsum("pi,pi->p", table["traction"], np.nan_to_num(table["normal"]))
@@ -341,7 +343,7 @@ class Particles:
             gap=table["gap"],
             pressure=pressure + 0.0,
             status=np.select(
-                [~closed, table["rubs"] & ~table["slips"]], ["open", "stick"], "slip"
+                [~closed, table["slips"] | (not frictional)], ["open", "slip"], "stick"
             ),
             target=table["target"],
             normal=table["normal"],

@@ -119,7 +119,6 @@ template <int D, unsigned Drop, int C>
 Response<D, C> respond(const ContactLaw& law, double lambda, const Kinematics<D>& k,
                        const Variation<D, C>& v, const Friction<D>& f)
 {
-  using Matrix = Eigen::Matrix<double, D, D>;
   Response<D, C> out;
   out.t.setZero();
   out.row.setZero();
