@@ -43,6 +43,8 @@ demo: install
 	$(PY) demos/sphere_on_block.py
 	$(PY) demos/hertz.py
 	$(PY) demos/cord.py
+	$(PY) demos/cattaneo.py
+	$(PY) demos/wedge.py
 
 test: install ctest pytest-1 pytest-2 pytest-3
 

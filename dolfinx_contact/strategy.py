@@ -86,32 +86,45 @@ class Newton:
     def solve(self, system: System, options: dict[str, Any]) -> Report:
         """Solve from the Functions' present values. Collective.
 
-        Where Newton fails with friction, it goes on from the frictionless solution of the step
-        (formulation, section 7): friction then knows the pressures. If it fails again, statuses
-        cycle, and it is tried once more with a tenth and a hundredth of ρ_τ.
+        With friction, a step that begins without any pressure, or in which Newton fails, is solved
+        from its frictionless solution (formulation, section 7): friction then knows the pressures.
+        If that fails too, statuses cycle, and it is tried once more with a tenth and a hundredth of
+        ρ_τ.
 
         Returns:
             what happened, over all attempts; the system's Functions hold the last iterate
         """
-        before = [f.x.array.copy() for f in system.functions]
-        system.start()
-        report = _Loop(self, system, options).run(Report())
-        if report.converged or not any(pair.frictional for pair in system.pairs):
-            return report
-        log.info("no convergence with friction: once more from the frictionless solution")
-        _fill(system, before)
-        system.start(friction=False)
-        report = _Loop(self, system, options).run(report)
-        if not report.converged:
-            return report
-        pressed = [f.x.array.copy() for f in system.functions]
-        for factor in (1.0, 0.1, 0.01):
-            _fill(system, pressed)
-            system.go_on(factor)
-            report = _Loop(self, system, options).run(report)
-            if report.converged:
-                break
+        before, report = _values(system), Report()
+
+        def direct() -> bool:
+            _fill(system, before)
+            system.start()
+            return _Loop(self, system, options).run(report).converged
+
+        def by_frictionless() -> bool:
+            _fill(system, before)
+            system.start(friction=False)
+            if not _Loop(self, system, options).run(report).converged:
+                return False
+            pressed = _values(system)
+            for factor in (1.0, 0.1, 0.01):
+                _fill(system, pressed)
+                system.go_on(factor)
+                if _Loop(self, system, options).run(report).converged:
+                    return True
+            return False
+
+        if not any(pair.frictional for pair in system.pairs):
+            direct()
+        elif system.without_pressure():
+            by_frictionless() or direct()
+        else:
+            direct() or by_frictionless()
         return report
+
+
+def _values(system: System) -> list[Any]:
+    return [f.x.array.copy() for f in system.functions]
 
 
 def _fill(system: System, values: list[Any]) -> None:

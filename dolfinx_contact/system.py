@@ -278,6 +278,11 @@ class System:
         self._choose_parameters(True, factor)
         self.read()
 
+    def without_pressure(self) -> bool:
+        """Whether some pair with friction has no pressure at all yet. Collective."""
+        pressures = [c.largest_pressure() for c in self.contacts if c.pair.frictional]
+        return not all(p > 0 for p in pressures)
+
     def accept(self) -> None:
         """The present displacements are a solution: slips of the next step start from there."""
         for contact in self.contacts:
