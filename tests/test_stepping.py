@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: MIT
+"""Load steps: halved where they fail, grown where they go well, and nothing lost in between."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from problems import MASTER, SLAVE, TOP, punch
+
+import dolfinx_contact as dc
+
+COMM = MPI.COMM_WORLD
+
+
+class Brittle:
+    """A problem whose solve fails for steps above a limit.
+
+    Attributes:
+        load: as set by ``apply``
+        solved: loads that were solved
+    """
+
+    def __init__(self, limit, iterations=4):
+        self.comm, self.limit, self.iterations = COMM, limit, iterations
+        self.load, self.solved = 0.0, [0.0]
+
+    def apply(self, t):
+        self.load = t
+
+    def solve(self):
+        if self.load - self.solved[-1] > self.limit * (1 + 1e-12):
+            raise dc.ConvergenceError("too far")
+        self.solved.append(self.load)
+        return dc.Report(converged=True, iterations=self.iterations)
+
+
+def lengths(problem):
+    return np.diff(problem.solved)
+
+
+def test_equal_steps_end_at_the_end():
+    problem = Brittle(1.0)
+    steps = list(dc.LoadStepping(problem, problem.apply, step=0.3, progress=False))
+    np.testing.assert_allclose([s.time for s in steps], [0.3, 0.6, 0.9, 1.0], rtol=1e-14)
+    assert steps[-1].time == 1.0 and [s.number for s in steps] == [1, 2, 3, 4]
+    assert steps[-1].report.converged and not any(s.failed for s in steps)
+
+
+def test_no_sliver_is_left():
+    problem = Brittle(1.0)
+    list(dc.LoadStepping(problem, problem.apply, end=0.3, step=0.1, progress=False))
+    assert len(problem.solved) == 4 and problem.solved[-1] == 0.3
+
+
+def test_a_failed_step_is_halved_and_grows_again():
+    problem = Brittle(0.06)
+    steps = list(dc.LoadStepping(problem, problem.apply, step=0.2, progress=False))
+    assert problem.solved[-1] == 1.0
+    assert lengths(problem).max() <= 0.06 * (1 + 1e-9)
+    assert steps[0].failed == 2 and steps[0].length == pytest.approx(0.05)
+    # it grows by 1.5 after two easy steps, fails, is halved, and so on
+    assert any(s.failed for s in steps[1:])
+
+
+def test_hard_steps_do_not_grow():
+    problem = Brittle(0.11, iterations=9)
+    list(dc.LoadStepping(problem, problem.apply, step=0.2, max_step=0.5, progress=False))
+    np.testing.assert_allclose(lengths(problem), 0.1, rtol=1e-12)
+
+
+def test_steps_grow_up_to_the_longest():
+    problem = Brittle(10.0)
+    list(dc.LoadStepping(problem, problem.apply, step=0.02, max_step=0.1, progress=False))
+    assert lengths(problem)[:2] == pytest.approx(0.02)
+    assert lengths(problem).max() == pytest.approx(0.1)
+
+
+def test_it_gives_up_below_the_shortest_step():
+    problem = Brittle(0.01)
+    stepping = dc.LoadStepping(problem, problem.apply, step=0.2, min_step=0.03, progress=False)
+    with pytest.raises(dc.ConvergenceError, match="min_step"):
+        list(stepping)
+    assert problem.load == 0.0, "apply is called again with the last accepted t"
+    assert stepping.time == 0.0 and stepping.steps == []
+
+
+@pytest.mark.parametrize(
+    "options", ({"step": 0}, {"step": 0.1, "min_step": 0.2}, {"end": -1}, {"max_step": 0.01})
+)
+def test_steps_that_make_no_sense(options):
+    problem = Brittle(1.0)
+    with pytest.raises(dc.InputError, match="LoadStepping"):
+        dc.LoadStepping(problem, problem.apply, **options)
+
+
+def test_a_failed_step_restores_everything():
+    """A step that is too long for Newton's iterations: u, results and the way on are as if it had
+    never been tried."""
+    results = []
+    for fail in (False, True):
+        model = punch(COMM)
+        pair = dc.ContactPair(model.surface(SLAVE), model.surface(MASTER), friction=0.2)
+        problem = model.problem(pair)
+        down = [value.value.copy() for value in model.driven[TOP] if value is not None]
+
+        def apply(t):
+            model.move(TOP, [0.0] * (model.mesh.geometry.dim - 1) + [t * float(down[-1])])
+
+        apply(0.5)
+        problem.solve()
+        if fail:
+            before = model.u.x.array.copy(), pair.pressure.x.array.copy(), pair.resultant()
+            problem.strategy.max_it = 1
+            apply(1.0)
+            with pytest.raises(dc.ConvergenceError):
+                problem.solve()
+            after = model.u.x.array, pair.pressure.x.array, pair.resultant()
+            for a, b in zip(before, after):
+                np.testing.assert_array_equal(a, b)
+            problem.strategy.max_it = 30
+        apply(0.8)
+        problem.solve()
+        results.append((model.u.x.array.copy(), pair.friction.x.array.copy()))
+    for a, b in zip(*results):
+        np.testing.assert_allclose(a, b, atol=1e-12 * max(np.abs(a).max(initial=0.0), 1e-300))
