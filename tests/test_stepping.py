@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import MASTER, SLAVE, TOP, punch
+from problems import MASTER, SLAVE, TOP, distance, punch
 
 import dolfinx_contact as dc
 
@@ -121,6 +121,7 @@ def test_a_failed_step_restores_everything():
             problem.strategy.max_it = 30
         apply(0.8)
         problem.solve()
-        results.append((model.u.x.array.copy(), pair.friction.x.array.copy()))
-    for a, b in zip(*results):
-        np.testing.assert_allclose(a, b, atol=1e-12 * max(np.abs(a).max(initial=0.0), 1e-300))
+        results.append((model, pair))
+    (model, pair), (other, again) = results
+    assert distance(model.u, other.u) < 1e-11
+    assert distance(pair.friction, again.friction) < 1e-9
