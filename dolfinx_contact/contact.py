@@ -178,6 +178,7 @@ class PairAssembly:
             np.deg2rad(pair.crease),
             pair.augmented,
             pair.slip == "convected",
+            pair.frictional,
             slave_dofs,
             self._multiplier_dofs(),
             self._layout.local_dofs(self.multiplier_block),

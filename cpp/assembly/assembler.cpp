@@ -30,10 +30,12 @@ Assembler<D>::Assembler(Surface slave, int own, Particles particles, PairOptions
       or nd != (directed ? n * (np + num_nodes()) * D : 0))
     throw std::invalid_argument("Assembler: tables of the slave surface do not match");
   _options.search.rule = _options.rules.target;
-  // other normals do not flip between facets: keeping the former facet would only make the result
-  // depend on the path, and break symmetry
+  // Other normals do not flip between facets: keeping the former facet would make the result depend
+  // on the path, and break symmetry. But a slip is measured in the tangents of a facet, which
+  // differ a little at a junction, and a particle that sticks there would alternate between two
+  // facets.
   if (_options.rules.normal != NormalRule::facet)
-    _options.search.margin = 0;
+    _options.search.margin = _options.rubbing ? 1e-4 : 0;
   _states.resize(n * np);
   _accepted = _states;
   _position.resize(np);

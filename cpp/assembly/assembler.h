@@ -46,6 +46,7 @@ struct PairOptions
   bool slave_facets = false; ///< if e turns: it is the slave facet's normal, not the interpolated
   double crease = 1;         ///< angle beyond which interpolated normals are not averaged
   bool convected = true;     ///< measure of the slip
+  bool rubbing = false;      ///< with friction
   ContactLaw law;
   Scales scale;
 };

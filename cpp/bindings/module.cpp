@@ -296,7 +296,7 @@ void declare_assembler(py::module_& m, const char* name)
                   const array<double>& weight, const TraceBasis& multiplier,
                   const array<double>& nodes, TargetRule target, NormalRule normals,
                   const array<double>& direction, bool turning, bool slave_facets, double radius,
-                  double end_tolerance, double crease, bool augmented, bool convected,
+                  double end_tolerance, double crease, bool augmented, bool convected, bool rubbing,
                   const array<PetscInt>& slave_dofs, const array<std::int32_t>& local,
                   const array<PetscInt>& dofs)
                {
@@ -307,6 +307,7 @@ void declare_assembler(py::module_& m, const char* name)
                  o.search.end_tolerance = end_tolerance;
                  o.crease = crease;
                  o.convected = convected;
+                 o.rubbing = rubbing;
                  o.law.augmented = augmented;
                  return A(slave, own,
                           {rule, vector(weight), multiplier, vector(nodes), vector(direction)}, o,
@@ -316,7 +317,8 @@ void declare_assembler(py::module_& m, const char* name)
            py::arg("multiplier"), py::arg("nodes"), py::arg("target"), py::arg("normals"),
            py::arg("direction"), py::arg("turning"), py::arg("slave_facets"), py::arg("radius"),
            py::arg("end_tolerance"), py::arg("crease"), py::arg("augmented"), py::arg("convected"),
-           py::arg("slave_dofs"), py::arg("multiplier_local"), py::arg("multiplier_dofs"))
+           py::arg("rubbing"), py::arg("slave_dofs"), py::arg("multiplier_local"),
+           py::arg("multiplier_dofs"))
       .def("set_master", [](A& a, const Surface& master, const array<PetscInt>& dofs)
            { a.set_master(master, vector(dofs)); })
       .def("set_plane",

@@ -205,7 +205,11 @@ auto Search<D>::keep(const Query& q, const Target<D>& former, double cost) const
   const double near = cost + _options.margin * _diameter[t.facet];
   double s = 0;
   const bool proximity = _options.rule == TargetRule::proximity;
-  const bool solved = proximity ? facet.closest(q.x, t.xi) : facet.intersect(q.x, q.e, t.xi, s);
+  const bool solved
+      = proximity ? facet.closest(q.x, t.xi)
+        : _options.rule == TargetRule::smooth
+            ? SmoothProjection<D>(q.master, former.facet, *q.normals).solve(q.x, t.xi, s)
+            : facet.intersect(q.x, q.e, t.xi, s);
   if (solved and facet.outside(t.xi) <= _options.margin and not facet.beyond_end(t.xi, inside))
   {
     const double c = proximity ? (q.x - facet.at(t.xi, false).x).norm() : std::abs(s);
@@ -259,8 +263,8 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
   }
 
   const bool stayed = best.target.facet == former.facet and best.target.clamp == Clamp::none;
-  if (_options.rule != TargetRule::smooth and best.target.facet >= 0 and former.facet >= 0
-      and not stayed)
+  const bool keeps = _options.margin > 0 or _options.rule == TargetRule::proximity;
+  if (keeps and best.target.facet >= 0 and former.facet >= 0 and not stayed)
   {
     const Found kept = keep(q, former, best.cost);
     if (kept.target.facet >= 0)

@@ -49,8 +49,7 @@ public:
   void refit(const Surface& master);
 
   /// Target of one particle. Facets that do not face the slave are refused.
-  /// @param former the target of the last evaluation, kept within the margin (no facet flipping;
-  /// smooth targets have no need of it)
+  /// @param former the target of the last evaluation, kept within the margin (no facet flipping)
   /// @param normals of the master, for smooth targets
   Target<D> find(const Surface& master, const Seeker<D>& seeker, const Target<D>& former,
                  const NodalNormals<D>* normals = nullptr) const
