@@ -35,7 +35,9 @@ class ContactPair:
     Args:
         slave: carries the particles and the multipliers
         master: carries the targets: a Surface, or a rigid tool (RigidPlane)
-        friction: Coulomb's coefficient μ, ≥ 0
+        friction: Coulomb's coefficient μ, ≥ 0. Friction acts on particles that touched at the last
+            accepted step, or were then within initial_contact: one that closes in a step has no
+            slip before it does, so that bodies that meet should do so in a few load steps
         target: Smooth(), Proximity(), SeekDirection(e) or SlaveNormal()
         normals: "interpolated" (F8), "facet" (F7) or "direction" (n = ±e, with SeekDirection and
             SlaveNormal); None: "interpolated" with Smooth, "direction" with SlaveNormal, else
