@@ -122,7 +122,7 @@ class PairAssembly:
             self.assembler = self._make(own, ringed, slave_dofs)
         self._multiplier_nodes = local_dofs(pair, pair._multiplier, len(pair._psi[2]))
         self._excluded = self._exclude(pair._multiplier, pair.pressure_space, pair._psi)
-        self._held = self._excluded.copy()
+        self.held = self._excluded.copy()
         self._friction = None
         if friction is not None:
             self._friction = FrictionUnknowns(pair)
@@ -246,16 +246,16 @@ class PairAssembly:
         nl = len(pair._psi[2])
         moves = (np.abs(normal) > 1e-8) & free
         fixed = found[:, :nl] & ~moves[:, :nl].any(axis=2)
-        self._held = self._excluded | agreed(
+        self.held = self._excluded | agreed(
             pair._multiplier, self._multiplier_nodes, fixed, any_facet=False
         )
-        pair._multiplier.x.array[self._held] = 0.0
+        pair._multiplier.x.array[self.held] = 0.0
         dofs = self._layout.local_dofs(self.multiplier_block)
-        self.assembler.set_multiplier_dofs(np.where(self._held, -1, dofs))
+        self.assembler.set_multiplier_dofs(np.where(self.held, -1, dofs))
 
     def held_rows(self) -> npt.NDArray[Any]:
         """System dofs of the held multipliers that this rank owns."""
-        rows = [self._owned(self.multiplier_block, self._held)]
+        rows = [self._owned(self.multiplier_block, self.held)]
         if self._friction is not None:
             rows.append(self._owned(self.friction_block, self._friction.held))
         return np.concatenate(rows)
