@@ -228,6 +228,9 @@ class Watched:
         self.comm, self._problem, self._pairs, self._run = problem.comm, problem, pairs, run
         self._solves = 0
 
+    def __getattr__(self, name):
+        return getattr(self._problem, name)
+
     def _state(self):
         forces = [pair.resultant() for pair in self._pairs] if self._run.iterations else []
         return [f.x.array.copy() for f in self._problem.system.functions] + forces
