@@ -16,12 +16,13 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
     )
 
 from . import meshes, plot
-from .errors import ContactError, ConvergenceError, InputError
+from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
+from .report import Report
 from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, SlaveNormal, Smooth
 from .stepping import LoadStepping, Step
-from .strategy import Newton, Report
+from .strategy import FixedPoint, Newton
 from .surface import Surface
 from .tools import RigidPlane
 
@@ -31,6 +32,7 @@ __all__ = [
     "ContactPair",
     "ContactProblem",
     "ConvergenceError",
+    "FixedPoint",
     "Gauss",
     "InputError",
     "LoadStepping",
@@ -47,6 +49,7 @@ __all__ = [
     "Smooth",
     "Step",
     "Surface",
+    "UnheldError",
     "meshes",
     "plot",
 ]

@@ -228,6 +228,14 @@ def scatter_reverse_add(vector: Any) -> None:
     (vector.x if hasattr(vector, "x") else vector).scatter_reverse(_ADD)
 
 
+def from_owners(V: Any, numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Numbers of the local nodes of a space, those of ghosts from their owners. Collective."""
+    f = fem.Function(V)
+    f.x.array[:] = np.repeat(numbers, V.dofmap.index_map_bs)
+    f.x.scatter_forward()
+    return f.x.array[:: V.dofmap.index_map_bs].real.astype(np.int64)
+
+
 def quadrature(
     shape: str, degree: int, lobatto: bool = False
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

@@ -153,7 +153,7 @@ class PairAssembly:
             own, pair.slave.shape, pair._rule, pair._psi, pair.axisymmetric
         )
         powers, coefficients, nodes = pair._psi
-        if pair.frictional:
+        if pair.frictional and not np.array_equal(nodes, pair._phi[2]):
             nodes = np.concatenate([nodes, pair._phi[2]])
         direction = np.zeros(0)
         if isinstance(pair.target, SeekDirection):
@@ -267,7 +267,7 @@ class PairAssembly:
 
     # -- every iteration ------------------------------------------------------------------------
 
-    def update(self, close: float = -1.0, at_rest: bool = False) -> int:
+    def update(self, close: float = -1.0, at_rest: bool = False) -> npt.NDArray[np.int64]:
         """Move the surfaces to the present displacements, search, decide statuses. Collective.
 
         Args:
@@ -275,7 +275,8 @@ class PairAssembly:
             at_rest: to the displacements and tools of the last accepted step
 
         Returns:
-            number of particles over all ranks whose status changed
+            numbers of particles over all ranks that changed between open and closed, between stick
+            and slip, and that slip on in another direction, (3,)
 
         Raises:
             ContactError: on all ranks, if a displacement is not finite
@@ -297,7 +298,7 @@ class PairAssembly:
             now = self._old_motion if at_rest else self._tool.motion()
             self._tool._place(self.assembler, now, self._old_motion)
         friction = self.pair._semi_multiplier
-        changes = 0
+        changes = [0, 0, 0]
         with together(self._comm, "contact search"):
             changes = self.assembler.update(
                 slave,
@@ -307,7 +308,7 @@ class PairAssembly:
                 # before the first tangents there are none
                 np.zeros(0) if friction is None or not self._has_tangents else friction.x.array,
             )
-        return self._comm.allreduce(changes)
+        return self._comm.allreduce(np.array(changes))
 
     @property
     def _has_tangents(self) -> bool:

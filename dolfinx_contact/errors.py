@@ -22,6 +22,10 @@ class InputError(ContactError, ValueError):
     """The user gave something that cannot work; the message says how to mend it."""
 
 
+class UnheldError(ContactError):
+    """Nothing holds a body; the message names it, how it can move, and the remedies."""
+
+
 class ConvergenceError(ContactError):
     """A solve failed; ``report`` holds what it did up to then."""
 
@@ -61,7 +65,7 @@ def together(comm: MPI.Comm, stage: str) -> Iterator[None]:
 
 def _describe(error: Exception | None) -> tuple[type[ContactError], str]:
     """The class that the other ranks shall raise, and the message to put in it."""
-    for kind in (InputError, ConvergenceError, ContactError):
+    for kind in (InputError, UnheldError, ConvergenceError, ContactError):
         if isinstance(error, kind):
             return kind, str(error)
     return ContactError, f"{type(error).__name__}: {error}"

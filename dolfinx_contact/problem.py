@@ -12,7 +12,8 @@ from mpi4py import MPI
 
 from .errors import ConvergenceError, InputError
 from .pair import ContactPair
-from .strategy import Newton, Report
+from .report import Report
+from .strategy import FixedPoint, Newton
 from .system import System, derivative
 
 
@@ -28,7 +29,7 @@ class ContactProblem:
         bcs: Dirichlet conditions; they find their unknown by their space
         J: Jacobian of F (by UFL's derivative if None); for lists a list of rows with None where
             unknowns are not coupled
-        strategy: Newton()
+        strategy: Newton() (the default) or FixedPoint()
         petsc_options: options of SNES, KSP and PC, without prefix, for instance
             {"ksp_type": "gmres"}
 
@@ -45,7 +46,7 @@ class ContactProblem:
         *,
         bcs: Sequence[Any] = (),
         J: Any = None,
-        strategy: Newton | None = None,
+        strategy: Newton | FixedPoint | None = None,
         petsc_options: dict[str, Any] | None = None,
     ):
         forms = list(F) if isinstance(F, (list, tuple)) else [F]
@@ -61,7 +62,7 @@ class ContactProblem:
             pairs = [pairs]
         if not pairs or not all(isinstance(p, ContactPair) for p in pairs):
             raise InputError("ContactProblem: pairs must be a list of ContactPair.")
-        self.pairs = list(pairs)
+        self.pairs, self.u = list(pairs), unknowns
         self.comm = unknowns[0].function_space.mesh.comm
         _check_slaves(self.pairs)
         if J is None:
@@ -85,6 +86,7 @@ class ContactProblem:
 
         Raises:
             ConvergenceError: on all ranks; u and the pairs are then as they were before the call
+            UnheldError: on all ranks, if nothing holds a body as the solve begins; likewise
             ContactError: on all ranks, if u or a Dirichlet value on a surface is not finite
         """
         system = self.system
@@ -96,12 +98,15 @@ class ContactProblem:
             raise
         self.report = report
         if not report.converged:
+            free = system.bodies.unheld(system.A)
             self._restore(before)
+            hint = "Take a smaller load step."
+            if free is not None:
+                hint = f"On the way contact was lost, and {free}. " + hint
             error = ConvergenceError(
                 f"The contact problem did not converge: {report.reason} after"
                 f" {report.iterations} iterations; u and the pairs are back at the last accepted"
-                " state. Take a smaller load step; a body that is held by contact alone needs"
-                " initial_contact or a Dirichlet condition.\n" + str(report)
+                f" state. {hint}\n{report}"
             )
             error.report = report
             raise error
@@ -115,8 +120,7 @@ class ContactProblem:
         """Put every Function and every particle back."""
         for f, values in zip(self.system.functions, before):
             f.x.array[:] = values
-        for contact in self.system.contacts:
-            contact.assembler.restore()
+        self.system.restore()
 
 
 def _check_slaves(pairs: Sequence[ContactPair]) -> None:

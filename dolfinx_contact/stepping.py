@@ -10,7 +10,7 @@ from typing import Any, Callable, Iterator
 from tqdm import tqdm
 
 from .errors import ConvergenceError, InputError
-from .strategy import Report
+from .report import Report
 
 log = logging.getLogger("dolfinx_contact")
 _EASY = 6  # a step of so many iterations went well
@@ -26,6 +26,7 @@ class Step:
         length: of the step
         report: of its solve
         failed: solves that failed since the last accepted step
+        smallest: length of the shortest step so far
     """
 
     number: int
@@ -33,13 +34,15 @@ class Step:
     length: float
     report: Report
     failed: int
+    smallest: float
 
 
 class LoadStepping:
     """Solve a problem for t from 0 to an end, in steps; iterate over it.
 
     A step that fails is halved, and the problem is back at the last accepted step; after two steps
-    that went well (at most 6 iterations) the next is 1.5 times as long, up to max_step.
+    that went well (at most 6 iterations), or four that went somehow, the next is 1.5 times as long,
+    up to max_step. Each begins at displacements that are extrapolated from the last two.
 
     Args:
         problem: a ContactProblem
@@ -81,18 +84,21 @@ class LoadStepping:
             raise InputError(f"LoadStepping: end is {end}; give a positive number.")
         self.problem, self._apply, self.end = problem, apply, float(end)
         self._next, self._min, self._max = float(step), float(min_step), float(max_step)
-        self._progress = progress
+        self._progress, self._shortest = progress, float("inf")
         self.time, self.steps = 0.0, list[Step]()
+        self._before: tuple[list[Any], float] | None = None  # u one accepted step ago, its length
 
     def __iter__(self) -> Iterator[Step]:
         hidden = not self._progress or self.problem.comm.rank > 0
-        easy = 0
+        ease = 0
         with tqdm(total=self.end, disable=hidden, bar_format=_BAR, initial=self.time) as bar:
             while self.end - self.time > 1e-12 * self.end:
                 step = self._advance()
-                easy = easy + 1 if step.report.iterations <= _EASY and not step.failed else 0
-                if easy >= 2:
-                    self._next, easy = min(1.5 * self._next, self._max), 0
+                ease += 2 if step.report.iterations <= _EASY else 1
+                if step.failed:
+                    ease = 0
+                if ease >= 4:
+                    self._next, ease = min(1.5 * self._next, self._max), 0
                 bar.update(step.length)
                 bar.set_postfix_str(
                     f"step {step.length:.3g}, {step.report.iterations} iterations", refresh=False
@@ -108,11 +114,13 @@ class LoadStepping:
             length = left if self._next > left * (1 - 1e-9) else self._next
             target = self.end if length == left else self.time + length
             self._apply(target)
+            accepted = [u.x.array.copy() for u in self.problem.u]
+            self._extrapolate(accepted, length)
             try:
                 report = self.problem.solve()
             except ConvergenceError as error:
                 failed += 1
-                self._apply(self.time)
+                self._put_back(accepted)
                 log.info("t = %g: a step of %g failed", self.time, length)
                 if 0.5 * length < self._min:
                     error.args = (
@@ -123,12 +131,28 @@ class LoadStepping:
                 self._next = 0.5 * length
                 continue
             except BaseException:
-                self._apply(self.time)
+                self._put_back(accepted)
                 raise
-            step = Step(len(self.steps) + 1, target, length, report, failed)
+            self._before = accepted, length
+            self._shortest = min(self._shortest, length)
+            step = Step(len(self.steps) + 1, target, length, report, failed, self._shortest)
             self.time = target
             self.steps.append(step)
             return step
+
+    def _extrapolate(self, accepted: list[Any], length: float) -> None:
+        """Begin a step where the displacements will be if they go on as in the last one."""
+        if self._before is None:
+            return
+        before, last = self._before
+        for u, old, now in zip(self.problem.u, before, accepted):
+            u.x.array[:] = now + (length / last) * (now - old)
+
+    def _put_back(self, accepted: list[Any]) -> None:
+        """Displacements and loads of the last accepted step."""
+        for u, values in zip(self.problem.u, accepted):
+            u.x.array[:] = values
+        self._apply(self.time)
 
 
 _BAR = "{l_bar}{bar}| t = {n:.4g} of {total:.4g} [{elapsed}<{remaining}] {postfix}"

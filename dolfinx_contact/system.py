@@ -17,19 +17,21 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from . import _cpp, compat
+from .bodies import Bodies
 from .contact import PairAssembly
 from .errors import InputError, together
 from .layout import Layout
 from .pair import ContactPair
+from .surface import Surface
 from .tools import RigidPlane
 
 # ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
 # particles with a small gap inside a facet follow the pressure (formulation, section 7).
 _RHO_N = 1e-2
 # ρ_τ μ p in the same units: here slip and change of Λ count about equally, and Newton settles best.
-_RHO_T = 0.2
+_RHO_T = 1.0
 # ρ_τ times the facet's size is at most this: pressures may be tiny at the start of a step
-_MOST_RHO_T = 300.0
+_MOST_RHO_T = 1500.0
 
 
 class System:
@@ -77,7 +79,7 @@ class System:
         self.parameters: list[dict[str, float]] = []  # of each pair, in the present step
         self.reference_force = 0.0
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
-        self.status_changes = 0
+        self.changes = np.zeros(3, dtype=int)  # see PairAssembly.update
         self.A: Any = None
         self.x = PETSc.Vec().createMPI((self.layout.owned, None), comm=self.comm)
         self.b = self.x.duplicate()
@@ -86,6 +88,13 @@ class System:
             for i in range(len(self.u))
         ]
         self._bulk_counts = self._count_bulk()
+        surfaces = []
+        for i, pair in enumerate(pairs):
+            for name, surface in (("slave", pair.slave), ("master", pair.master)):
+                if isinstance(surface, Surface):
+                    label = f"{name} of pair {i}, tags {surface.tags}"
+                    surfaces.append((label, surface, self._block_of(surface.u)))
+        self.bodies = Bodies(self.layout, surfaces)
 
     def _block_of(self, u: Any) -> int:
         for block, v in enumerate(self.u):
@@ -135,12 +144,23 @@ class System:
         b.zeroEntries()
         b.array[: self.layout.offsets[len(self.u)]] = np.concatenate(parts)
 
-        self.status_changes = 0
+        self.changes = np.zeros(3, dtype=int)
         for pair, contact in zip(self.pairs, self.contacts):
-            self.status_changes += contact.update(pair.initial_contact if close else -1.0)
+            self.changes += contact.update(pair.initial_contact if close else -1.0)
             with together(self.comm, "contact residual"):
                 contact.assembler.residual(b.handle)
         b.assemble()
+
+    def norms(self, b: Any) -> tuple[float, float]:
+        """Norms of the rows of the bulk and of contact [force]. Collective."""
+        rows, bulk = b.array_r, self.layout.offsets[len(self.u)]
+        squares = np.array([rows[:bulk] @ rows[:bulk], rows[bulk:] @ rows[bulk:]])
+        bulk_norm, contact_norm = np.sqrt(self.comm.allreduce(squares))
+        return float(bulk_norm), float(contact_norm)
+
+    def tolerance(self, rtol: float) -> float:
+        """The norm of a residual that is small enough [force]."""
+        return max(rtol * self.reference_force, self.round_off)
 
     def _violates_bcs(self, u: Any) -> bool:
         """Whether a Dirichlet value of u is not met on this rank."""
@@ -269,19 +289,56 @@ class System:
         self._choose_parameters(friction)
         self.read()
 
-    def go_on(self, factor: float) -> None:
+    def freeze(self, *what: str) -> None:
+        """Freeze "geometry", "threshold" or "status" as they are, and let go of the others."""
+        for contact in self.contacts:
+            contact.assembler.freeze(**{name: True for name in what})
+
+    def glue(self) -> None:
+        """All that touches sticks, at any pressure, until ``freeze`` is called."""
+        self.residual(self.x, self.b, close=True)
+        self.freeze("threshold", "status")
+        for contact, parameters in zip(self.contacts, self.parameters):
+            if contact.pair.frictional:
+                contact.assembler.glue(parameters["pressure"])
+
+    def check_held(self) -> None:
+        """See Bodies.check; with the matrix of the last ``jacobian``. Collective."""
+        self.bodies.check(self.A)
+
+    def go_on(self, factor: float = 1.0) -> None:
         """Go on with friction in the present step, with parameters for the present pressures.
 
         Args:
-            factor: of ρ_τ
+            factor: of ρ_τ, on its automatic value
         """
         self._choose_parameters(True, factor)
         self.read()
+
+    @property
+    def frictional(self) -> bool:
+        """Whether some pair has friction."""
+        return any(pair.frictional for pair in self.pairs)
 
     def without_pressure(self) -> bool:
         """Whether some pair with friction has no pressure at all yet. Collective."""
         pressures = [c.largest_pressure() for c in self.contacts if c.pair.frictional]
         return not all(p > 0 for p in pressures)
+
+    def mark(self) -> None:
+        """Keep the particles' present states for ``recall``."""
+        for contact in self.contacts:
+            contact.assembler.mark()
+
+    def recall(self) -> None:
+        """Forget what evaluations since ``mark`` have done to the particles."""
+        for contact in self.contacts:
+            contact.assembler.recall()
+
+    def restore(self) -> None:
+        """Put every particle back to the last accepted step."""
+        for contact in self.contacts:
+            contact.assembler.restore()
 
     def accept(self) -> None:
         """The present displacements are a solution: slips of the next step start from there."""
@@ -322,7 +379,7 @@ class System:
             mu = max(pair.coefficient, 0.1)
             rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), _MOST_RHO_T / size)
             rho_t *= factor
-            self.parameters.append({"rho_n": rho_n, "rho_t": rho_t})
+            self.parameters.append({"rho_n": rho_n, "rho_t": rho_t, "pressure": p})
             self.scale[contact.friction_block] = rho_t
             contact.assembler.set_parameters(
                 rho_n,

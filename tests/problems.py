@@ -396,6 +396,27 @@ def spread(f: fem.Function) -> float:
     return float((v.max() - v.min()) / v.mean())
 
 
+def powers(problem: dc.ContactProblem, u: fem.Function, wave: np.ndarray, most: int) -> np.ndarray:
+    """Powers of ε with which the first three residual norms grow, where Newton starts from the
+    present solution disturbed by ε × wave: about 1, 2 and 4 if it is quadratic. Collective.
+
+    Asserts that no status changes and that Newton takes few iterations.
+
+    Args:
+        wave: values at the nodes of u, (nodes, dim)
+        most: iterations
+    """
+    solution, norms = u.x.array.copy(), []
+    for size in (1, 2):
+        u.x.array[:] = solution + size * wave.ravel()
+        report = problem.solve()
+        assert sum(report.status_changes) == 0 and report.iterations <= most
+        norms.append(report.norms[:3])
+        # well above the round-off of the assembly, about 1e-14 of the forces
+        assert norms[-1][2] > 1e-10 * report.reference
+    return np.log2(np.array(norms[1]) / norms[0])
+
+
 def balance(model: Model, tag: int, deformed: bool = True) -> np.ndarray:
     """Force and moment that the support of a face exerts on the body. Collective.
 

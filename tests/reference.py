@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from operators import DIM, GAP, OBLIQUE, RHO, SCALE, bodies
+from operators import OBLIQUE, RHO, SCALE
 from reference_facets import (
     CORNERS,
     EDGES,
@@ -30,6 +30,7 @@ from reference_facets import (
     outside,
     shape_functions,
 )
+from two_bodies import DIM, GAP, bodies
 
 STEP = 1e-30  # of the complex steps: its square is nothing, so that the derivatives are exact
 SETTLED = 1e-13  # last step of ξ, in facets; it squares, so that the next one is round-off

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import basix
 import numpy as np
-from operators import curve
+from two_bodies import curve
 
 FACET = {"triangle": "interval", "quadrilateral": "interval"}
 FACET |= {"tetrahedron": "triangle", "hexahedron": "quadrilateral"}

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from operators import CELLS, INTERPOLATED, TARGETS, case, model
+from operators import INTERPOLATED, TARGETS, case
+from two_bodies import CELLS, model
 
 import dolfinx_contact as dc
 

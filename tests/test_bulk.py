@@ -7,30 +7,15 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
-from operators import (
-    CELLS,
-    COMM,
-    GAP,
-    MASTER,
-    PARTITIONS,
-    SLAVE,
-    Numbering,
-    bodies,
-    case,
-    curve,
-    model,
-)
+from operators import Numbering, case, relative
 from petsc4py import PETSc
+from two_bodies import CELLS, COMM, GAP, MASTER, PARTITIONS, SLAVE, bodies, curve, model
 
 import dolfinx_contact as dc
 from dolfinx_contact import compat, meshes
 from dolfinx_contact.system import System, derivative
 
 EPS = np.finfo(float).eps
-
-
-def relative(value, expected):
-    return np.abs(value - expected).max() / np.abs(expected).max()
 
 
 def bulk_blocks(system, J, bcs):

@@ -80,6 +80,35 @@ def test_fixed_by_dirichlet(blocks):
     assert pair.resultant()[1] > 1.0  # about E 0.01 / 2 less what the clamp carries
 
 
+def test_friction_on_a_plane_of_symmetry(blocks):
+    """On the left no body moves along x: friction has nothing to decide there, and is held. What is
+    excluded is held too."""
+    mesh, tags = blocks
+    u, F = elastic(mesh)
+    V = u.function_space
+    bottom = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, tags.find(2)), V)
+    side = fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), 1, tags.find(3)), V.sub(0))
+    push = fem.Constant(mesh, np.zeros(2))
+    top = fem.dirichletbc(push, fem.locate_dofs_topological(V, 1, tags.find(1)), V)
+    for exclude, held in ((None, (0.0,)), ((tags, 4), (0.0, 1.0))):
+        pair = dc.ContactPair(
+            dc.Surface(u, tags, 5), dc.Surface(u, tags, 6), friction=0.3, exclude=exclude
+        )
+        problem = dc.ContactProblem(F, u, [pair], bcs=[bottom, top, side])
+        u.x.array[:] = 0.0
+        for way in ((0.0, -0.01), (0.002, -0.01)):
+            push.value[:] = way
+            problem.solve()
+        x = pair.friction.function_space.tabulate_dof_coordinates()[:, 0]
+        friction = pair.friction.x.array.reshape(-1, 2)
+        at = np.any([np.isclose(x, value) for value in held], axis=0)
+        assert not friction[at].any() and np.all(friction[~at, 0] != 0)
+        assert not pair._semi_multiplier.x.array[at].any()
+        pressure = pair.pressure.x.array
+        assert np.all(pressure[~np.isclose(x, 1)] > 0)
+        assert exclude is None or not pressure[np.isclose(x, 1)].any()
+
+
 def test_nothing_fixed(blocks):
     """Without a clamp on the left no multiplier is held."""
     mesh, tags = blocks

@@ -11,21 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from operators import (
-    CELLS,
-    COMM,
-    DIM,
-    GAP,
-    PARAMETERS,
-    PARTITIONS,
-    SCALE,
-    Case,
-    Numbering,
-    case,
-    curve,
-    model,
-    target_of,
-)
+from operators import PARAMETERS, SCALE, Case, Numbering, case, relative, target_of
+from two_bodies import CELLS, COMM, DIM, GAP, PARTITIONS, curve, model
 
 import dolfinx_contact as dc
 from dolfinx_contact.system import System
@@ -157,10 +144,6 @@ def scattered(x, ranks):
     """Diagonals of the master's boxes in turn: facets that share an edge are on different ranks."""
     size = 0.24 if x.shape[1] == 2 else 0.4
     return np.floor(x[:, :-1] / size).astype(int).sum(axis=1) % ranks
-
-
-def relative(value, expected):
-    return np.abs(value - expected).max() / np.abs(expected).max()
 
 
 def vertices_on_several_ranks(surface):

@@ -85,6 +85,25 @@ def test_it_gives_up_below_the_shortest_step():
     assert stepping.time == 0.0 and stepping.steps == []
 
 
+def test_another_error_puts_the_loads_back():
+    """Not a failed step, but for instance a displacement that is not finite."""
+    problem = Brittle(1.0)
+
+    def apply(t):
+        problem.load = t
+
+    def solve():
+        if problem.load > 0.25:
+            raise dc.ContactError("not finite")
+        return dc.Report(converged=True, iterations=1)
+
+    problem.solve = solve
+    stepping = dc.LoadStepping(problem, apply, step=0.2, progress=False)
+    with pytest.raises(dc.ContactError, match="not finite"):
+        list(stepping)
+    assert problem.load == stepping.time == 0.2
+
+
 @pytest.mark.parametrize(
     "options", ({"step": 0}, {"step": 0.1, "min_step": 0.2}, {"end": -1}, {"max_step": 0.01})
 )
@@ -110,12 +129,16 @@ def test_a_failed_step_restores_everything():
         apply(0.5)
         problem.solve()
         if fail:
+            particles = problem.system.contacts[0].assembler.particles
+            states = ("closed", "slips", "target_facet", "clamped", "dissipated")
             before = model.u.x.array.copy(), pair.pressure.x.array.copy(), pair.resultant()
+            before += tuple(particles()[name].copy() for name in states)
             problem.strategy.max_it = 1
             apply(1.0)
             with pytest.raises(dc.ConvergenceError):
                 problem.solve()
             after = model.u.x.array, pair.pressure.x.array, pair.resultant()
+            after += tuple(particles()[name] for name in states)
             for a, b in zip(before, after):
                 np.testing.assert_array_equal(a, b)
             problem.strategy.max_it = 30
@@ -123,5 +146,6 @@ def test_a_failed_step_restores_everything():
         problem.solve()
         results.append((model, pair))
     (model, pair), (other, again) = results
+    # both start from bitwise the same state
     assert distance(model.u, other.u) < 1e-11
     assert distance(pair.friction, again.friction) < 1e-9

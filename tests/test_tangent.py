@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpi4py import MPI
-from operators import CELLS, DIM, INTERPOLATED, MU, PARAMETERS, TURNING, case, model
+from operators import INTERPOLATED, MU, PARAMETERS, TURNING, case
 from operators import TARGETS as FIXED_NORMALS
+from two_bodies import CELLS, DEGREES, DIM, degree_two, model
 
 import dolfinx_contact as dc
 
@@ -110,22 +111,14 @@ def test_every_column(cell, target, partition, record_property):
 
 
 @pytest.mark.parametrize("configuration", ("sliding", "clamped"))
-@pytest.mark.parametrize("degrees", ((2, 1), (1, 2), (2, 2)), ids=("P2", "G2", "P2G2"))
+@pytest.mark.parametrize("degrees", DEGREES)
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("cell", CELLS)
 def test_degree_two(cell, target, degrees, configuration, record_property):
     """Displacement, or geometry, or both of degree 2; pressures of degree 1 and 2."""
-    degree, geometry_degree = degrees
-    m = model(
-        cell,
-        "columns",
-        degree=degree,
-        geometry_degree=geometry_degree,
-        straight=geometry_degree == 1,
-        counts=((2, 1), (3, 1)) if DIM[cell] == 2 else ((2, 1, 1), (2, 2, 1)),
-        bulk="springs",
-    )
-    space = ("Lagrange", 2 if degree == 2 and configuration == "sliding" else 1)
+    options = degree_two(degrees, DIM[cell])
+    m = model(cell, "columns", bulk="springs", **options)
+    space = ("Lagrange", 2 if options["degree"] == 2 and configuration == "sliding" else 1)
     c = case(m, target, dc.Gauss(4), configuration, pressure_space=space)
     assert_telling(c, clamped=configuration == "clamped")
     record_property("worst", assert_derivative(c))
@@ -269,14 +262,7 @@ def test_friction_variants(cell, options, record_property):
 @pytest.mark.parametrize("target", ("smooth-interpolated", "proximity-facet", "slave-direction"))
 @pytest.mark.parametrize("cell", CELLS)
 def test_friction_degree_two(cell, target, record_property):
-    m = model(
-        cell,
-        "columns",
-        degree=2,
-        geometry_degree=2,
-        counts=((2, 1), (3, 1)) if DIM[cell] == 2 else ((2, 1, 1), (2, 2, 1)),
-        bulk="springs",
-    )
+    m = model(cell, "columns", bulk="springs", **degree_two("P2G2", DIM[cell]))
     c = case(m, target, dc.Gauss(4), "sliding", friction=MU)
     assert_rubbing(c)
     record_property("worst", assert_derivative(c))

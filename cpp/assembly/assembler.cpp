@@ -23,12 +23,16 @@ Assembler<D>::Assembler(Surface slave, int own, Particles particles, PairOptions
 {
   const std::size_t n = _own, np = _particles.rule.size();
   const std::size_t nl = _particles.multiplier.nodes(), nd = _particles.direction.size();
-  const bool directed
-      = _options.rules.target == TargetRule::direction and not _options.rules.turning;
+  const Rules& rules = _options.rules;
+  const bool along = rules.target == TargetRule::direction;
   if (_own > _slave.size() or _slave_dofs.size() != _slave.node_table.size() * D
       or _multiplier_local.size() != n * nl or _particles.weight.size() != n * np
-      or nd != (directed ? n * (np + num_nodes()) * D : 0))
+      or nd != (along and not rules.turning ? n * (np + num_nodes()) * D : 0))
     throw std::invalid_argument("Assembler: tables of the slave surface do not match");
+  if ((rules.turning or rules.normal == NormalRule::direction) and not along)
+    throw std::invalid_argument("Assembler: only a seek direction can turn, or be the normal");
+  if (rules.target == TargetRule::smooth and rules.normal != NormalRule::interpolated)
+    throw std::invalid_argument("Assembler: smooth targets have interpolated normals");
   _options.search.rule = _options.rules.target;
   // Other normals do not flip between facets: keeping the former facet would make the result depend
   // on the path, and break symmetry. But a slip is measured in the tangents of a facet, which
@@ -58,6 +62,8 @@ void Assembler<D>::set_friction(FrictionSpace<D> friction)
       or std::any_of(friction.local.begin(), friction.local.end(),
                      [&](std::int32_t a) { return a < 0 or (a + 1) * Q > friction.dofs.size(); }))
     throw std::invalid_argument("Assembler: tables of the friction space do not match");
+  if (friction.dofs != _friction.dofs) // other rows than before: the matrix has no place for them
+    _pattern.clear();
   _friction = std::move(friction);
   _phi.resize(np * nf);
   for (std::size_t p = 0; p < np; ++p)
@@ -72,27 +78,48 @@ void Assembler<D>::remember(std::span<const double> u_slave, std::span<const dou
   _master.remember(u_master);
 }
 
+// The gap d_n beyond which an open particle of a facet counts as closed.
+template <int D>
+double Assembler<D>::near(int f, double close) const
+{
+  return close >= 0 ? -close * _slave.diameter(f) : INFINITY;
+}
+
 template <int D>
 void Assembler<D>::begin_step(double close)
 {
-  for (std::size_t i = 0; i < _states.size(); ++i)
+  _frozen = {};
+  const int np = _particles.rule.size();
+  for (int f = 0; f < _own; ++f)
   {
-    State& s = _states[i];
-    s.changes = 0;
-    const double near = close * _slave.diameter(static_cast<int>(i / _particles.rule.size()));
-    s.touched = _accepted[i].closed or s.gap > -near;
-    const int np = _particles.rule.size();
-    const double* xi = &_particles.rule.points[i % np * (D - 1)];
-    s.n0 = -_slave_normals.at(_slave, static_cast<int>(i / np), xi).M.normalized();
+    const double touching = near(f, close);
+    for (int p = 0; p < np; ++p)
+    {
+      State& s = _states[f * np + p];
+      s.changes = 0;
+      if (not _options.rubbing)
+        continue;
+      s.touched = _accepted[f * np + p].closed or s.gap > touching;
+      s.n0 = -_slave_normals.at(_slave, f, &_particles.rule.points[p * (D - 1)]).M.normalized();
+    }
   }
+}
+
+template <int D>
+void Assembler<D>::set_law(const ContactLaw& law, const Scales& scale)
+{
+  _options.law = law;
+  _options.scale = scale;
+  for (State& s : _states)
+    s.changes = 0;
 }
 
 template <int D>
 void Assembler<D>::accept()
 {
   for (State& s : _states)
-    if (const Friction<D> f = friction_at(s); f.acts)
-      s.dissipated -= _options.law.friction * s.lambda * f.p.dot(s.slip);
+    if (s.friction.acts)
+      s.dissipated -= _options.law.friction * s.friction.limit * s.friction.p.dot(s.slip);
   _accepted = _states;
 }
 
@@ -117,6 +144,7 @@ void Assembler<D>::set_master(Surface master, std::vector<PetscInt> dofs)
     throw std::invalid_argument("Assembler: master_dofs must have one row for each node");
   carry_over(_states, master);
   carry_over(_accepted, master);
+  carry_over(_marked, master);
   _master = std::move(master);
   _master_dofs = std::move(dofs);
   _search = Search<D>(_master, _options.search);
@@ -201,27 +229,102 @@ void Assembler<D>::seek(const Seeker<D>& seeker, State& s) const
   s.n = k.n;
 }
 
+// Where a particle is against its target if targets and normals are held: what has happened since
+// then is the difference of positions.
 template <int D>
-int Assembler<D>::update(const Unknowns& u, double close)
+void Assembler<D>::stay(int f, int particle, State& s) const
+{
+  s.x = evaluate<D>(_slave.facet_x(f), _slave.np(), _position[particle], false).x;
+  s.slip.setZero();
+  s.gap = -INFINITY;
+  if (s.target.facet < 0)
+    return;
+  const Vector<D> y
+      = _tool ? s.y0 : FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false).x;
+  const Vector<D> r = s.x - y;
+  s.gap = r.dot(s.n);
+  if (s.closed)
+    s.slip = s.slip0 + r - s.r0;
+}
+
+template <int D>
+void Assembler<D>::freeze(Frozen frozen)
+{
+  const int np = _particles.rule.size();
+  for (std::size_t i = 0; i < _states.size(); ++i)
+  {
+    State& s = _states[i];
+    if (frozen.threshold and not _frozen.threshold)
+      s.threshold = s.lambda;
+    if (frozen.status and not _frozen.status)
+    {
+      s.acts = s.friction.acts;
+      s.slips = s.friction.slips;
+    }
+    if (frozen.geometry and not _frozen.geometry and s.target.facet >= 0)
+    {
+      const int f = static_cast<int>(i) / np, p = static_cast<int>(i) % np;
+      s.y0 = _tool ? Vector<D>(s.x - s.gap * s.n)
+                   : FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false).x;
+      s.r0 = s.x - s.y0;
+      s.slip0 = _friction.nodes() > 0 ? slip(s, f, p) : Vector<D>(Vector<D>::Zero());
+    }
+  }
+  _frozen = frozen;
+}
+
+template <int D>
+void Assembler<D>::glue(double pressure)
+{
+  for (State& s : _states)
+  {
+    s.threshold = -pressure;
+    s.acts = s.closed;
+    s.slips = false;
+  }
+}
+
+// (F3) at a particle, with the status and the limit that are held.
+template <int D>
+Friction<D> Assembler<D>::friction(const State& s) const
+{
+  const ContactLaw law = this->law(s);
+  const double limit = _frozen.threshold ? s.threshold
+                       : law.continuous  ? pressed(law, s.lambda, s.gap)
+                                         : s.lambda;
+  if (not s.closed or not(_frozen.status ? s.acts : s.touched and rubs(law, s.closed, limit)))
+    return {};
+  std::optional<bool> status;
+  if (_frozen.status)
+    status = s.slips;
+  Friction<D> f(law, limit, s.n0, s.n, s.Lambda, s.slip, status);
+  f.frozen = _frozen.threshold;
+  return f;
+}
+
+template <int D>
+Changes Assembler<D>::update(const Unknowns& u, double close)
 {
   if (u.lambda.size() != _multiplier_dofs.size() or u.Lambda.size() != _friction.dofs.size())
     throw std::invalid_argument("Assembler.update: one value for each local multiplier is needed");
   _slave.displace(u.slave);
-  _slave_normals.update(_slave);
   if (not _tool)
-  {
     _master.displace(u.master);
-    _search.refit(_master);
-    if (interpolated())
+  if (not _frozen.geometry)
+  {
+    _slave_normals.update(_slave);
+    if (not _tool)
+      _search.refit(_master);
+    if (not _tool and interpolated())
       _normals.update(_master);
   }
 
   const int np = _particles.rule.size(), nl = _particles.multiplier.nodes();
   const int nf = _friction.nodes(), Q = D - 1;
-  int changes = 0;
+  Changes changes;
   for (int f = 0; f < _own; ++f)
   {
-    const double near = close >= 0 ? -close * _slave.diameter(f) : INFINITY;
+    const double touching = near(f, close);
     for (int p = 0; p < np; ++p)
     {
       State& s = _states[f * np + p];
@@ -236,21 +339,28 @@ int Assembler<D>::update(const Unknowns& u, double close)
           s.Lambda += _phi[p * nf + a] * u.Lambda[dof] * _friction.tangent[dof];
         }
 
-      seek(seeker(f, _position[p], &_particles.rule.points[p * Q], p), s);
+      if (_frozen.geometry)
+        stay(f, p, s);
+      else
+        seek(seeker(f, _position[p], &_particles.rule.points[p * Q], p), s);
       const bool was = s.closed;
-      s.closed = closed(_options.law, s.lambda, s.gap) or (std::isfinite(s.gap) and s.gap > near);
+      s.closed
+          = std::isfinite(s.gap)
+            and (_frozen.status ? was : closed(_options.law, s.lambda, s.gap) or s.gap > touching);
       s.changes += was != s.closed;
-      changes += was != s.closed;
+      changes.contact += was != s.closed;
+      if (nf == 0)
+        continue;
 
-      s.slip.setZero();
-      if (nf > 0 and s.closed)
+      if (not _frozen.geometry)
+        s.slip = s.closed ? slip(s, f, p) : Vector<D>(Vector<D>::Zero());
+      const Friction<D> before = s.friction;
+      s.friction = friction(s);
+      if (before.acts and s.friction.acts)
       {
-        BasisValues b;
-        if (not _tool)
-          _master.ref.position.tabulate(s.target.xi.data(), b, true);
-        s.slip = kinematics(s, f, p, b).slip;
+        changes.slip += before.slips != s.friction.slips;
+        changes.reversals += before.slips and s.friction.slips and before.p.dot(s.friction.p) < 0;
       }
-      s.slips = friction_at(s).slips;
     }
   }
   return changes;
@@ -262,28 +372,50 @@ Vector<D> Assembler<D>::old_position(int f, int particle) const
   return evaluate<D>(_slave.facet_x_old(f), _slave.np(), _position[particle], false).x;
 }
 
+// ⟦Δu⟧ of a particle with a target.
+template <int D>
+Vector<D> Assembler<D>::slip(const State& s, int f, int particle) const
+{
+  const Vector<D> x_old = old_position(f, particle);
+  if (_tool)
+    return _tool->slip(s.x, x_old);
+  BasisValues b;
+  _master.ref.position.tabulate(s.target.xi.data(), b, true);
+  return slip_at(s, evaluate<D>(_master.facet_x(s.target.facet), _master.np(), b, true), b, x_old)
+      .value;
+}
+
+// The slip of a particle whose target is at p.
+// @param b basis of the master's positions at the target, with second derivatives
+template <int D>
+Slip<D> Assembler<D>::slip_at(const State& s, const FacetPoint<D>& p, const BasisValues& b,
+                              const Vector<D>& x_old) const
+{
+  const FacetPoint<D> old = evaluate<D>(_master.facet_x_old(s.target.facet), _master.np(), b, true);
+  const auto measure = _options.convected ? Slip<D>::convected : Slip<D>::increment;
+  return measure(p, old, s.x - p.x, x_old - old.x);
+}
+
 // All variations of a closed particle's target.
 // @param b basis of the master's positions at the target, with second derivatives
 template <int D>
 Kinematics<D> Assembler<D>::kinematics(const State& s, int f, int particle,
                                        const BasisValues& b) const
 {
+  if (_frozen.geometry)
+    return Kinematics<D>::fixed(s.n, s.gap, s.slip);
   const bool rubbing = _friction.nodes() > 0;
-  const Vector<D> x1_old = rubbing ? old_position(f, particle) : s.x;
+  const Vector<D> x_old = rubbing ? old_position(f, particle) : s.x;
   if (_tool)
-    return _tool->linearise(s.x, x1_old);
-  const int t = s.target.facet, np = _master.np();
-  const FacetPoint<D> p = evaluate<D>(_master.facet_x(t), np, b, true);
+    return _tool->linearise(s.x, x_old);
+  const int t = s.target.facet;
+  const FacetPoint<D> p = evaluate<D>(_master.facet_x(t), _master.np(), b, true);
   NormalField<D> field;
   if (interpolated())
     field = _normals.at(_master, t, s.target.xi.data());
   Slip<D> slip;
   if (rubbing)
-  {
-    const FacetPoint<D> old = evaluate<D>(_master.facet_x_old(t), np, b, true);
-    const auto measure = _options.convected ? Slip<D>::convected : Slip<D>::increment;
-    slip = measure(p, old, s.x - p.x, x1_old - old.x);
-  }
+    slip = slip_at(s, p, b, x_old);
   return linearise<D>(_master, s.target, s.x, p, _options.rules, s.e, &field,
                       rubbing ? &slip : nullptr);
 }
@@ -293,6 +425,8 @@ void Assembler<D>::set_multiplier_dofs(std::vector<PetscInt> dofs)
 {
   if (dofs.size() != _multiplier_dofs.size())
     throw std::invalid_argument("Assembler: one dof for each local multiplier is needed");
+  if (dofs != _multiplier_dofs)
+    _pattern.clear();
   _multiplier_dofs = std::move(dofs);
 }
 

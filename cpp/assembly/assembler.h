@@ -51,6 +51,22 @@ struct PairOptions
   Scales scale;
 };
 
+/// What stays as it is while Newton iterates: the loops of the paper outside of Newton.
+struct Frozen
+{
+  bool geometry = false;  ///< targets and normals; gaps and slips are linear in ⟦u⟧ then
+  bool threshold = false; ///< λ in the friction's limit μ λ
+  bool status = false;    ///< open or closed, stick or slip
+};
+
+/// Particles that changed their status in one update.
+struct Changes
+{
+  int contact = 0;   ///< between open and closed
+  int slip = 0;      ///< between stick and slip
+  int reversals = 0; ///< slip on, in another direction (by more than 90°)
+};
+
 /// Displacements of the node tables and multipliers of one evaluation.
 struct Unknowns
 {
@@ -89,14 +105,21 @@ public:
   /// @throws std::invalid_argument if sizes do not match
   void set_friction(FrictionSpace<D> friction);
 
-  /// The displacements of the last accepted step: slips are measured from there.
+  /// The displacements of the last accepted step: slips are measured from there. To be given again
+  /// after `set_master`.
   void remember(std::span<const double> u_slave, std::span<const double> u_master);
 
   /// Move both surfaces, search all targets and decide all statuses.
   /// @param close open particles with d_n > −close × facet diameter count as closed ("initial
   /// contact"); negative: none
-  /// @returns number of particles whose status changed
-  int update(const Unknowns& u, double close);
+  Changes update(const Unknowns& u, double close);
+
+  /// Freeze some things as the last `update` left them, and let go of the others.
+  void freeze(Frozen frozen);
+
+  /// All closed particles stick, with a limit of μ times a pressure, as long as the status and the
+  /// threshold are frozen.
+  void glue(double pressure);
 
   /// Add (F1)–(F3) to a vector of the system (VecSetValues; the caller assembles it).
   void residual(::Vec b) const;
@@ -125,7 +148,10 @@ public:
   /// System dofs of the local multipliers, −1 if held.
   void set_multiplier_dofs(std::vector<PetscInt> dofs);
 
-  PairOptions<D>& options() { return _options; }
+  /// Parameters of the law, and units; the counts of status changes begin anew.
+  void set_law(const ContactLaw& law, const Scales& scale);
+
+  const PairOptions<D>& options() const { return _options; }
   const Surface& slave() const { return _slave; }
   const Surface& master() const { return _master; }
   int own() const { return _own; }
@@ -146,46 +172,59 @@ public:
     Vector<D> n0 = Vector<D>::Zero();     ///< outward normal of the slave as the step began
     Vector<D> Lambda = Vector<D>::Zero(); ///< friction semi-multiplier
     Vector<D> slip = Vector<D>::Zero();   ///< ⟦Δu⟧ since the last accepted step; 0 if open
+    Friction<D> friction;
     bool closed = false;
     bool touched = false;  ///< it touched at the last accepted step: friction acts since then
-    bool slips = false;    ///< friction acts and ‖g_τ‖ > 1
     int changes = 0;       ///< between open and closed since `begin_step`
     double dissipated = 0; ///< by friction, up to the last accepted step [energy/area]
+
+    // as they were at `freeze`
+    bool acts = false, slips = false;    ///< status of friction
+    double threshold = 0;                ///< λ
+    Vector<D> r0 = Vector<D>::Zero();    ///< x¹ − x²
+    Vector<D> y0 = Vector<D>::Zero();    ///< x²
+    Vector<D> slip0 = Vector<D>::Zero(); ///< slip
   };
 
-  /// A step begins, with the surfaces where the last one left them: forget its status changes.
-  /// Friction acts on the particles that touch now. A particle that closes later in the step has no
-  /// slip before it does, and where it has come from says nothing about friction.
+  /// A step begins, with the surfaces at the last accepted displacements (one `update` there
+  /// before): forget the status changes of the last one, freeze nothing. Friction acts on the
+  /// particles that touch now. A particle that closes later in the step has no slip before it does,
+  /// and where it has come from says nothing about friction.
   /// @param close as for `update`
   void begin_step(double close);
   const std::vector<State>& states() const { return _states; }
 
-  /// Keep the present states, to come back to them after a failed solve.
+  /// The step is done: add what friction has dissipated, and keep the states to come back to after
+  /// a failed solve. Once for each accepted step, before `remember`.
   void accept();
 
+  /// Keep the present states for `recall`: evaluations in between leave no trace.
+  void mark() { _marked = _states; }
+  void recall() { _states = _marked; }
+
   /// The states of the last `accept`.
-  void restore() { _states = _accepted; }
+  void restore()
+  {
+    _states = _accepted;
+    _frozen = {};
+  }
 
   const Particles& particles() const { return _particles; }
 
   /// The law of one particle. Where λ ≠ 0 at the switch between open and closed (a gap inside a
-  /// facet whose mean is closed), the residual of (F1) jumps and Newton may cycle between the two
-  /// for ever. A particle that has changed its status more than `patience` times in a step gets the
-  /// augmented variant, whose residual is continuous.
+  /// facet whose mean is closed), the residual of (F1) jumps: there may be no solution, and Newton
+  /// cycles between the two. A particle that has changed its status more than `patience` times in a
+  /// step gets the continuous variant.
   ContactLaw law(const State& s) const
   {
     constexpr int patience = 3;
     ContactLaw law = _options.law;
-    law.augmented = law.augmented or s.changes > patience;
+    if (s.changes > patience)
+    {
+      law.continuous = true;
+      law.kappa *= 1e-2; // Λ only has to be held where there is no pressure
+    }
     return law;
-  }
-
-  /// P_B(g_τ) of a particle; zero where friction does not act.
-  Friction<D> friction_at(const State& s) const
-  {
-    if (not s.touched or not rubs(_options.law, s.closed, s.lambda))
-      return {};
-    return Friction<D>(_options.law, s.n0, s.n, s.Lambda, s.slip);
   }
 
   /// Contact traction on the slave per reference area.
@@ -193,7 +232,7 @@ public:
   {
     if (not s.closed)
       return Vector<D>::Zero();
-    return traction<D>(law(s), s.lambda, s.n, s.gap, friction_at(s));
+    return traction<D>(law(s), s.lambda, s.n, s.gap, s.friction);
   }
 
 private:
@@ -205,6 +244,12 @@ private:
   int num_nodes() const { return static_cast<int>(_particles.nodes.size()) / (D - 1); }
   Seeker<D> seeker(int facet, const BasisValues& position, const double* xi, int point) const;
   void seek(const Seeker<D>& seeker, State& s) const;
+  void stay(int facet, int particle, State& s) const;
+  double near(int facet, double close) const;
+  Vector<D> slip(const State& s, int facet, int particle) const;
+  Slip<D> slip_at(const State& s, const FacetPoint<D>& target, const BasisValues& b,
+                  const Vector<D>& x_old) const;
+  Friction<D> friction(const State& s) const;
   Vector<D> old_position(int facet, int particle) const;
 
   Kinematics<D> kinematics(const State& s, int facet, int particle, const BasisValues& b) const;
@@ -224,6 +269,7 @@ private:
   std::optional<RigidPlane<D>> _tool;
   Particles _particles;
   PairOptions<D> _options;
+  Frozen _frozen;
   std::vector<PetscInt> _slave_dofs, _master_dofs, _multiplier_dofs;
   std::vector<std::int32_t> _multiplier_local;
   FrictionSpace<D> _friction;
@@ -231,8 +277,8 @@ private:
   std::vector<BasisValues> _position, _displacement; // slave bases at the particles
   std::vector<double> _psi, _phi;                    // (particles, nodes of ψ), (…, nodes of φ)
   Search<D> _search;
-  NodalNormals<D> _normals, _slave_normals; // of the master if interpolated, of the slave
-  std::vector<State> _states, _accepted;    // (own facets, particles)
+  NodalNormals<D> _normals, _slave_normals;       // of the master if interpolated, of the slave
+  std::vector<State> _states, _accepted, _marked; // (own facets, particles)
   std::vector<std::int32_t> _near_offset,
       _near; // facets that share a vertex with each master facet
   std::vector<std::vector<std::int64_t>> _pattern; // global numbers of targets in the pattern

@@ -106,8 +106,8 @@ void Assembler<D>::residual(::Vec b) const
                         B.M = &M;
                         B.master = _master.nu();
                       }
-                      add_residual<D>(B, _options.law, s.closed, s.lambda, s.gap, traction_at(s),
-                                      s.Lambda, friction_at(s), _particles.weight[f * np + p],
+                      add_residual<D>(B, law(s), s.closed, s.lambda, s.gap, traction_at(s),
+                                      s.Lambda, s.friction, _particles.weight[f * np + p],
                                       _options.scale, block);
                     }
                     check(VecSetValues(b, dofs.size(), dofs.data(), block.data(), ADD_VALUES),
@@ -147,9 +147,9 @@ struct Assembler<D>::FieldSums
     if (it == derivatives.end())
       it = derivatives.emplace(f, normals.derivative(s, f)).first;
     const NormalDerivative<D>& d = it->second;
-    values = corner[0] * d.dn[0];
+    values.noalias() = corner[0] * d.dn[0];
     for (int c = 1; c < s.nv(); ++c)
-      values += corner[c] * d.dn[c];
+      values.noalias() += corner[c] * d.dn[c];
     return d.nodes;
   }
 };
@@ -168,7 +168,8 @@ template <bool F>
 void Assembler<D>::tangent(Mat A) const
 {
   const int np = _particles.rule.size(), Q = D - 1;
-  const bool field = interpolated() and not _tool, turns = turns_smoothly() and not _tool;
+  const bool moves = not _tool and not _frozen.geometry;
+  const bool field = interpolated() and moves, turns = turns_smoothly() and moves;
   std::vector<PetscInt> dofs, ring;
   std::vector<Vector<D>> tangents;
   PairMatrix<D> block;
@@ -190,7 +191,7 @@ void Assembler<D>::tangent(Mat A) const
           block.setZero(dofs.size(), dofs.size());
           if (field and target >= 0)
             of_master.reset(_master, dofs.size());
-          if (turns)
+          if (turns and target >= 0)
             of_slave.reset(_slave, dofs.size());
           for (int p : particles)
           {
@@ -199,7 +200,7 @@ void Assembler<D>::tangent(Mat A) const
             CouplingBasis<D> B = basis(f, p, tangents);
             if (target < 0)
             {
-              add_open_tangent<D>(B, _options.law, w, _options.scale, block);
+              add_open_tangent<D>(B, this->law(s), w, _options.scale, block);
               continue;
             }
             if (not _tool)
@@ -211,7 +212,7 @@ void Assembler<D>::tangent(Mat A) const
               B.master = _master.nu();
             }
             const Kinematics<D> k = kinematics(s, f, p, P);
-            const Friction<D> friction = friction_at(s);
+            const FrictionTangent<D> friction(s.friction);
             const ContactLaw law = this->law(s);
             add_closed_tangent<D, F>(B, law, s.lambda, k, friction, w, _options.scale, block);
             auto columns = [&](const Variation<D, D>& v)
@@ -225,7 +226,7 @@ void Assembler<D>::tangent(Mat A) const
               const InterpolatedNormal<D> nbar(_slave_normals.at(_slave, f, xi));
               of_slave.add(_slave, xi, -columns(k.e) * nbar.of_m);
             }
-            else if (_options.rules.turning and not _tool)
+            else if (_options.rules.turning and moves)
             {
               // the slave facet's own normal: δe = Σ_α (∂e/∂τ_α) ∂_α δu¹
               const FacetPoint<D> own

@@ -212,7 +212,6 @@ py::dict particle_table(const Assembler<D>& a)
     slave.ref.position.tabulate(&particles.rule.points[p * (D - 1)], b);
     const Vector<D> reference = evaluate<D>(slave.facet_X(f), slave.np(), b, false).x;
     const Vector<D> t = a.traction_at(s);
-    const Friction<D> friction = a.friction_at(s);
     Vector<D> target_point = Vector<D>::Constant(NAN);
     if (s.target.facet >= 0)
       target_point = a.tool()
@@ -228,9 +227,9 @@ py::dict particle_table(const Assembler<D>& a)
       direction.mutable_at(i, k) = s.e[k];
       slip.mutable_at(i, k) = s.slip[k] - s.slip.dot(s.n) * s.n[k];
     }
-    slips.mutable_at(i) = s.slips;
+    slips.mutable_at(i) = s.friction.slips;
     clamped.mutable_at(i) = s.target.facet >= 0 and s.target.clamp != Clamp::none;
-    rubs.mutable_at(i) = friction.acts;
+    rubs.mutable_at(i) = s.friction.acts;
     dissipated.mutable_at(i) = s.dissipated;
     gap.mutable_at(i) = -s.gap;
     lambda.mutable_at(i) = s.lambda;
@@ -343,6 +342,8 @@ void declare_assembler(py::module_& m, const char* name)
            [](A& a, const TraceBasis& basis, const array<std::int32_t>& local,
               const array<PetscInt>& dofs, const array<double>& tangents)
            {
+             if (tangents.size() != dofs.size() * D)
+               throw std::invalid_argument("set_friction: one tangent for each dof is needed");
              FrictionSpace<D> f{basis, vector(local), vector(dofs), {}};
              for (py::ssize_t i = 0; i < dofs.size(); ++i)
                f.tangent.push_back(Eigen::Map<const Vector<D>>(tangents.data() + i * D));
@@ -355,9 +356,8 @@ void declare_assembler(py::module_& m, const char* name)
           [](A& a, double rho_n, double pressure, double friction, double rho_t, double scale,
              double kappa, double least)
           {
-            ContactLaw& law = a.options().law;
-            law = {rho_n, law.augmented, friction, rho_t, kappa, least};
-            a.options().scale = {pressure, scale};
+            a.set_law({rho_n, a.options().law.augmented, false, friction, rho_t, kappa, least},
+                      {pressure, scale});
           },
           py::arg("rho_n"), py::arg("pressure_scale"), py::arg("friction") = 0.0,
           py::arg("rho_t") = 1.0, py::arg("friction_scale") = 1.0, py::arg("kappa") = 1.0,
@@ -384,11 +384,22 @@ void declare_assembler(py::module_& m, const char* name)
       .def(
           "update",
           [](A& a, const array<double>& us, const array<double>& um, const array<double>& lambda,
-             double close, const array<double>& Lambda) {
-            return a.update({span(us), span(um), span(lambda), span(Lambda)}, close);
+             double close, const array<double>& Lambda)
+          {
+            const Changes c = a.update({span(us), span(um), span(lambda), span(Lambda)}, close);
+            return std::array<int, 3>{c.contact, c.slip, c.reversals};
           },
           py::arg("slave"), py::arg("master"), py::arg("multiplier"), py::arg("close") = -1.0,
           py::arg("friction") = array<double>(0))
+      .def(
+          "freeze",
+          [](A& a, bool geometry, bool threshold, bool status) {
+            a.freeze({geometry, threshold, status});
+          },
+          py::arg("geometry") = false, py::arg("threshold") = false, py::arg("status") = false)
+      .def("glue", &A::glue)
+      .def("mark", &A::mark)
+      .def("recall", &A::recall)
       .def("residual", [](const A& a, std::uintptr_t b) { a.residual(reinterpret_cast<::Vec>(b)); })
       .def("tangent", [](const A& a, std::uintptr_t mat) { a.tangent(reinterpret_cast<Mat>(mat)); })
       .def("insert_pattern", [](A& a, std::uintptr_t mat, bool remember)
@@ -399,8 +410,7 @@ void declare_assembler(py::module_& m, const char* name)
       .def("accept", &A::accept)
       .def("restore", &A::restore)
       .def_property_readonly("own", &A::own)
-      .def_property_readonly("slave", [](const A& a) { return a.slave(); })
-      .def_property_readonly("master", [](const A& a) { return a.master(); });
+      .def_property_readonly("slave", &A::slave, py::return_value_policy::reference_internal);
 }
 
 } // namespace

@@ -59,8 +59,10 @@ void add_residual(const CouplingBasis<D>& B, const ContactLaw& law, bool closed,
     b[B.first_multiplier() + a] -= w * scale.pressure * g * B.psi[a];
   if (B.friction > 0)
   {
-    const Vector<D> row = f.acts ? Vector<D>(law.friction * lambda / law.rho_t * f.defect)
-                                 : Vector<D>(-law.kappa * Lambda);
+    const Vector<D> row
+        = f.acts
+              ? Vector<D>(law.friction * f.limit / law.rho_t * f.turned_defect() - f.rest * Lambda)
+              : Vector<D>(-law.kappa * Lambda);
     for (int a = 0; a < B.friction * (D - 1); ++a)
       b[B.first_friction() + a] += w * scale.friction * B.phi[a / (D - 1)] * B.tangent[a].dot(row);
   }
@@ -83,7 +85,7 @@ constexpr int rows = Kinematics<D>::Z + 1 + (F ? D : 0);
 template <int D, bool F, unsigned Drop, int C>
 Eigen::Matrix<double, rows<D, F>, C>
 small_matrix(const ContactLaw& law, double lambda, const Kinematics<D>& k, const Variation<D, C>& v,
-             const Friction<D>& f, const Vector<D>& t, double w, const Scales& scale)
+             const FrictionTangent<D>& f, const Vector<D>& t, double w, const Scales& scale)
 {
   constexpr int Z = Kinematics<D>::Z;
   const Response<D, C> response = respond<D, Drop>(law, lambda, k, v, f);
@@ -146,8 +148,8 @@ void add_open_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double w
 /// @tparam F with friction unknowns
 template <int D, bool F, unsigned Drop = all_terms>
 void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
-                        const Kinematics<D>& k, const Friction<D>& f, double w, const Scales& scale,
-                        PairMatrix<D>& K)
+                        const Kinematics<D>& k, const FrictionTangent<D>& f, double w,
+                        const Scales& scale, PairMatrix<D>& K)
 {
   constexpr int Q = D - 1, Z = Kinematics<D>::Z, R = impl::rows<D, F>;
   const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
@@ -161,10 +163,11 @@ void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double
   if constexpr (F)
   {
     if constexpr (not(Drop & friction_multiplier))
-      kl.template head<D>() -= w * scale.pressure * law.friction * f.p;
+      if (not f.frozen)
+        kl.template head<D>() -= w * scale.pressure * law.friction * f.p;
     if constexpr (not(Drop & row_multiplier))
-      kl.template tail<D>()
-          = w * scale.friction * scale.pressure * law.friction / law.rho_t * f.defect;
+      if (not f.frozen)
+        kl.template tail<D>() = w * scale.friction * scale.pressure * f.row_of_limit(law);
   }
 
   // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master
@@ -180,13 +183,13 @@ void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double
     if (f.acts)
     {
       const Eigen::Matrix<double, D, D> dp = f.DP * f.of_Lambda;
-      kt.template topRows<D>() = -w * scale.friction * law.friction * lambda * dp;
-      kt.template bottomRows<D>() = w * scale.friction * scale.friction * law.friction * lambda
-                                    / law.rho_t * (f.of_Lambda - dp);
+      const double limit = law.friction * f.limit;
+      kt.template topRows<D>() = -w * scale.friction * limit * dp;
+      kt.template bottomRows<D>() = w * scale.friction * scale.friction * limit / law.rho_t
+                                    * f.R.transpose() * (f.of_Lambda - dp);
     }
-    else
-      kt.template bottomRows<D>().diagonal().setConstant(-w * scale.friction * scale.friction
-                                                         * law.kappa);
+    kt.template bottomRows<D>().diagonal().array()
+        -= w * scale.friction * scale.friction * (f.acts ? f.rest : law.kappa);
     for (int a = 0; a < B.friction * Q; ++a)
       C.col(B.first_friction() + a) = B.phi[a / Q] * (kt * B.tangent[a]);
   }
@@ -208,7 +211,7 @@ using FieldColumns = Eigen::Matrix<double, Eigen::Dynamic, D, 0, max_unknowns<D>
 template <int D, bool F, unsigned Drop = all_terms>
 FieldColumns<D> field_columns(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
                               const Kinematics<D>& k, const Variation<D, D>& v,
-                              const Friction<D>& f, double w, const Scales& scale)
+                              const FrictionTangent<D>& f, double w, const Scales& scale)
 {
   const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
   FieldColumns<D> out = FieldColumns<D>::Zero(B.size(), D);

@@ -95,6 +95,18 @@ struct Kinematics
 
   Variation<D, Z> z;
   Variation<D, D> m, e;
+
+  /// Of a target and a normal that do not move, (F11), (F12): δd_n = n·⟦δu⟧, δ⟦Δu⟧ = ⟦δu⟧.
+  static Kinematics fixed(const Vector<D>& n, double gap, const Vector<D>& slip)
+  {
+    Kinematics k;
+    k.n = n;
+    k.gap = gap;
+    k.slip = slip;
+    k.z.gap.template leftCols<D>() = n.transpose();
+    k.z.slip.template leftCols<D>().setIdentity();
+    return k;
+  }
 };
 
 /// How a pair finds its targets and normals.

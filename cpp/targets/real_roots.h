@@ -42,10 +42,12 @@ struct Cubic
     for (int k = 0; k < n; ++k)
     {
       const double right = value(knot[k + 1]);
-      if (left == 0 or (left < 0) != (right < 0))
+      if (left == 0 or (left < 0 and right > 0) or (left > 0 and right < 0))
         found(between(knot[k], knot[k + 1], left));
       left = right;
     }
+    if (left == 0)
+      found(hi);
   }
 
 private:

@@ -39,17 +39,20 @@ struct RigidPlane
     k.r = k.gap * k.n;
   }
 
-  /// All variations. The particle moves against a tool that the unknowns do not move, thus only
-  /// ⟦δu⟧ = δu¹ counts: δd_n = n·δu¹, δn = 0. The slip is x¹ less the place where the tool would
-  /// have carried it.
+  /// ⟦Δu⟧ (F11): x¹ less the place where the tool would have carried it since the last accepted
+  /// step.
+  Vector<D> slip(const Vector<D>& x1, const Vector<D>& x1_old) const
+  {
+    return x1 - old.carry(x1_old, now);
+  }
+
+  /// All variations, (F11) and (F12) with δn = 0: the unknowns do not move the tool, thus only
+  /// ⟦δu⟧ = δu¹ counts.
   Kinematics<D> linearise(const Vector<D>& x1, const Vector<D>& x1_old) const
   {
     Kinematics<D> k;
     place(x1, k);
-    k.slip = x1 - old.carry(x1_old, now);
-    k.z.gap.template leftCols<D>() = k.n.transpose();
-    k.z.slip.template leftCols<D>().setIdentity();
-    return k;
+    return Kinematics<D>::fixed(k.n, k.gap, slip(x1, x1_old));
   }
 };
 

@@ -4,7 +4,7 @@
 // facets by mapping cells of a parameter domain.
 #pragma once
 
-#include "../targets/facet_projection.h"
+#include "../targets/search.h"
 
 #include <Eigen/LU>
 #include <array>
@@ -387,6 +387,24 @@ Surface plate(
   return build<D>(
       element.ref(), D == 2 ? line_cells(n) : square_cells(element.shape, n), map,
       [](const Vector<D>&) { return Vector<D>(-Vector<D>::Unit(D - 1)); }, random);
+}
+
+/// Settings of the search with the rule alone.
+template <int D>
+SearchOptions<D> options(TargetRule rule)
+{
+  SearchOptions<D> o;
+  o.rule = rule;
+  return o;
+}
+
+/// A particle that looks down where a direction is asked for.
+template <int D>
+Seeker<D> seeker(TargetRule rule, const Vector<D>& x, const Vector<D>& outward)
+{
+  if (rule == TargetRule::direction)
+    return {x, outward, -Vector<D>::Unit(D - 1)};
+  return {x, outward};
 }
 
 /// Where a target is.

@@ -6,6 +6,8 @@
 #include "../mechanics/coupling.h"
 #include "scenes.h"
 
+#include <catch2/catch.hpp>
+
 namespace dolfinx_contact::test
 {
 
@@ -25,6 +27,22 @@ inline std::string name(Status s)
 {
   constexpr const char* text[] = {"open", "closed", "stick", "slip"};
   return text[static_cast<int>(s)];
+}
+
+/// A tangent K without one term: where the term matters, differences must notice that it is
+/// missing; elsewhere it is zero.
+/// @param full, fd with the term, and by differences
+/// @param least relative error that counts as noticed
+/// @returns whether it matters
+inline bool compare_without(unsigned term, const Eigen::MatrixXd& K, const Eigen::MatrixXd& full,
+                            const Eigen::MatrixXd& fd, bool matters, double least = 1e-4)
+{
+  CAPTURE(term, relative(K, fd), relative(K, full));
+  if (matters)
+    REQUIRE(relative(K, fd) > least);
+  else
+    REQUIRE(relative(K, full) <= 1e-12); // zero up to the target's accuracy
+  return matters;
 }
 
 /// ρ_τ for which ‖T(Λ + ρ_τ s)‖ is 0.7 (stick) or 1.8 (slip), where ‖TΛ‖ is less.

@@ -12,24 +12,6 @@ using namespace dolfinx_contact::test;
 namespace
 {
 
-/// Settings with the rule alone.
-template <int D>
-SearchOptions<D> options(TargetRule rule)
-{
-  SearchOptions<D> o;
-  o.rule = rule;
-  return o;
-}
-
-/// A particle that looks down where a direction is asked for.
-template <int D>
-Seeker<D> seeker(TargetRule rule, const Vector<D>& x, const Vector<D>& outward)
-{
-  if (rule == TargetRule::direction)
-    return {x, outward, -Vector<D>::Unit(D - 1)};
-  return {x, outward};
-}
-
 // The overshoot at which targets are lost is the tolerance times the facet's diameter
 template <int D>
 void lets_go_beyond_ends(const Element& element, TargetRule rule)

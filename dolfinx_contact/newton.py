@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: MIT
+"""One run of PETSc SNES on a contact system."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import time
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from .report import Report
+from .system import System
+
+log = logging.getLogger("dolfinx_contact")
+_solver_number = itertools.count()
+# Newton may go without progress for so many steps: the first ones change many statuses
+_PATIENCE = 3
+
+_DEFAULTS: dict[str, Any] = {
+    "snes_type": "newtonls",
+    "snes_linesearch_type": "basic",
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+}
+
+
+class NewtonLoop:
+    """Newton's iterations from the system's present unknowns.
+
+    Args:
+        system: that has been started
+        options: of PETSc, without prefix
+        rtol: relative tolerance of the residual
+        max_it: largest number of iterations
+        close: apply the pairs' initial contact at the first residual
+    """
+
+    def __init__(
+        self,
+        system: System,
+        options: dict[str, Any],
+        rtol: float,
+        max_it: int,
+        close: bool = True,
+    ):
+        self.system, self._options = system, options
+        self._rtol, self._max_it, self._close = rtol, max_it, close
+        self.report = Report()
+        self._first = self._first_matrix = True
+        self._known: tuple[Any, Any] | None = None  # a trial x and its residual
+
+    def _snes(self) -> Any:
+        """SNES with our defaults, the problem's options, then the command line's."""
+        system = self.system
+        snes = PETSc.SNES().create(system.comm)
+        snes.setFunction(self._residual, system.b)
+        snes.setJacobian(self._jacobian, system.A)
+        snes.setTolerances(rtol=self._rtol, atol=0.0, stol=0.0, max_it=self._max_it)
+        prefix = f"dolfinx_contact_{next(_solver_number)}_"
+        database = PETSc.Options()
+        given = {**_DEFAULTS, **self._options}
+        for key, value in given.items():
+            database[prefix + key] = value
+        snes.setOptionsPrefix("")
+        snes.setFromOptions()  # so that -snes_monitor and its like work
+        snes.setOptionsPrefix(prefix)
+        snes.setFromOptions()
+        self._keys = [prefix + key for key in given]
+        snes.setConvergenceTest(self._test)
+        snes.setLineSearchPreCheck(self._shorten)
+        return snes
+
+    def run(self, report: Report, enough: float = 0.0) -> bool:
+        """Iterate, and add what happens to a report. Collective.
+
+        Args:
+            report: of the step
+            enough: a norm of the residual that is small enough, whatever rtol says [force]
+
+        Returns:
+            whether it converged; the system's Functions hold the last iterate
+
+        Raises:
+            UnheldError: on all ranks, if nothing holds a body at the first iterate
+        """
+        system, self.report, self._enough = self.system, report, enough
+        self._start = len(report.status_changes)
+        start = time.perf_counter()
+        snes = self._snes()
+        try:
+            snes.solve(None, system.x)
+            report.iterations += snes.getIterationNumber()
+            reason = snes.getConvergedReason()
+            report.converged = reason > 0
+            report.reason = _name(reason)
+            if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+                report.reason += " / " + _linear_name(snes.getKSP().getConvergedReason())
+            system.write(system.x)
+        finally:
+            snes.destroy()
+            database = PETSc.Options()
+            for key in self._keys:
+                if database.hasName(key):
+                    database.delValue(key)
+        report.reference = system.reference_force
+        report.time["total"] += time.perf_counter() - start
+        return report.converged
+
+    def _residual(self, snes: Any, x: Any, b: Any) -> None:
+        start = time.perf_counter()
+        if self._known is not None and x.equal(self._known[0]):
+            self._known[1].copy(b)
+        else:
+            self._evaluate(x, b)
+        self._known = None
+        self.report.time["residual"] += time.perf_counter() - start
+
+    def _evaluate(self, x: Any, b: Any) -> None:
+        if not self._first and not np.isfinite(x.norm()):
+            b.set(np.nan)  # the step has overflown; the search would raise
+            return
+        self.system.residual(x, b, close=self._close and self._first)
+        self._first = False
+
+    def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
+        start = time.perf_counter()
+        self.system.jacobian(x, A)
+        if self._first_matrix:
+            self.system.check_held()
+        self._first_matrix = False
+        self.report.time["jacobian"] += time.perf_counter() - start
+
+    def _shorten(self, x: Any, step: Any) -> None:
+        """Shorten a step that ends where the residual is not finite (inverted cells), or where
+        Newton makes no progress, since statuses cycle. Collective.
+
+        As long as there is progress steps are whole: statuses settle fastest then. Without it, the
+        residual has to fall: between changes of status it is smooth, and falls along the step.
+        """
+        system, norms = self.system, self.report.norms[self._start :]
+        recent = norms[-1 - _PATIENCE : -1]
+        progress = len(recent) < _PATIENCE or norms[-1] <= 0.5 * min(recent)
+        trial, b, tried = x.duplicate(), x.duplicate(), []
+        system.mark()
+        for length in (1.0, 0.5, 0.25, 0.125):
+            if tried:
+                system.recall()
+            trial.waxpy(-length, step, x)
+            self._evaluate(trial, b)
+            norm = np.hypot(*system.norms(b))
+            tried.append((norm if np.isfinite(norm) else np.inf, length))
+            if norm < np.inf and (progress or norm <= (1 - 0.2 * length) * norms[-1]):
+                break
+        best = min(tried)[1]
+        if best == tried[-1][1]:
+            self._known = trial, b  # SNES asks for it next
+        else:
+            system.recall()
+        step.scale(best)
+
+    def _test(self, snes: Any, it: int, norms: tuple[float, float, float]) -> Any:
+        system, report = self.system, self.report
+        reasons = PETSc.SNES.ConvergedReason
+        bulk, contact = system.norms(snes.getFunction()[0])
+        report.add(bulk, contact, system.changes)
+        log.info(
+            "iteration %d: bulk %.3e, contact %.3e, %d opened or closed, %d stuck or slipped,"
+            " %d reversed",
+            *(it, bulk, contact, *system.changes),
+        )
+        worst = max(bulk, contact)
+        if not np.isfinite(worst):
+            return reasons.DIVERGED_FNORM_NAN
+        if worst <= max(system.tolerance(snes.rtol), snes.atol, self._enough):
+            return reasons.CONVERGED_FNORM_RELATIVE
+        xnorm, ynorm, _ = norms
+        if it > 0 and ynorm <= 1e-13 * xnorm and worst <= 1e-6 * system.reference_force:
+            return reasons.CONVERGED_SNORM_RELATIVE
+        return reasons.CONVERGED_ITERATING
+
+
+def _name(reason: int) -> str:
+    return _lookup(PETSc.SNES.ConvergedReason, reason)
+
+
+def _linear_name(reason: int) -> str:
+    return _lookup(PETSc.KSP.ConvergedReason, reason)
+
+
+def _lookup(kind: Any, value: int) -> str:
+    for name in dir(kind):
+        if name.isupper() and getattr(kind, name) == value:
+            return name
+    return str(value)
