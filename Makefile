@@ -24,7 +24,7 @@ export OMP_NUM_THREADS MPLBACKEND OMPI_ALLOW_RUN_AS_ROOT OMPI_ALLOW_RUN_AS_ROOT_
   OMPI_MCA_rmaps_base_oversubscribe PRTE_MCA_rmaps_default_mapping_policy PRTE_MCA_mapby \
   OMPI_MCA_btl_vader_single_copy_mechanism
 
-.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 sanitize bench \
+.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 sanitize bench robustness \
   format check-format clean
 .NOTPARALLEL:
 
@@ -34,6 +34,7 @@ help:
 	@echo "make install       build, and install the Python package for $(PY)"
 	@echo "make sanitize      C++ tests with address and undefined-behaviour sanitizers"
 	@echo "make bench         what contact costs: C++ benchmarks, then beside a bulk in Python"
+	@echo "make robustness    60 runs with default settings; writes docs/robustness.md"
 	@echo "make format        format C++ and Python; make check-format only checks"
 	@echo "make clean         remove $(BUILD)/"
 
@@ -45,6 +46,8 @@ demo: install
 	$(PY) demos/cord.py
 	$(PY) demos/cattaneo.py
 	$(PY) demos/wedge.py
+	$(PY) demos/ironing.py
+	$(PY) demos/drag_and_turn.py
 
 test: install ctest pytest-1 pytest-2 pytest-3
 
@@ -92,6 +95,11 @@ bench: install
 	cmake --build $(BUILD) --target contact_bench
 	$(BUILD)/contact_bench
 	$(PY) benchmarks/contact_cost.py
+	$(PY) benchmarks/junctions.py
+
+# 60 runs, about five minutes; rewrites the table of docs/robustness.md
+robustness: install
+	$(PY) benchmarks/robustness.py --output docs/robustness.md
 
 # --- the source's looks ----------------------------------------------------------------------
 

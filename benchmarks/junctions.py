@@ -50,8 +50,7 @@ def choices(dim):
         (dc.SeekDirection(e), "interpolated"),
         (dc.SeekDirection(e), "direction"),
     ]
-    if hasattr(dc, "SlaveNormal"):
-        made += [(dc.SlaveNormal(), n) for n in ("facet", "interpolated", "direction")]
+    made += [(dc.SlaveNormal(), n) for n in ("facet", "interpolated", "direction")]
     return {(type(target).__name__, n): (target, n) for target, n in made}
 
 

@@ -303,6 +303,19 @@ def carry_out(run):
 
 # -- the tables ---------------------------------------------------------------------------------------
 
+PREFACE = """# Robustness
+
+60 runs with default settings: no parameter, strategy or solver option is given. They were chosen and
+written down before the first of them was run. `benchmarks/robustness.py` has the problems; `make
+robustness` runs them and writes this page.
+
+Five problems, each on four meshes (slave cells on master cells) and in three step sizes, with μ = 0,
+0.3 and 0.8 in turn. Steps that fail are halved by `LoadStepping`. A run has arrived if it got to the
+end of its motions. It is wrong if, after a motion, friction exceeds μ times the pressure, the master
+pulls, or a particle has sunk into it by more than a fifth of its facet. Iterations are all linear
+solves of the accepted steps.
+
+"""
 COLUMNS = (
     "problem | mesh | step | μ | dofs | arrived | steps | failed solves | iterations per step"
     " | shortest step | vertical force | horizontal force | friction/(μ × pressure) | pull in %"
@@ -401,7 +414,7 @@ def main() -> int:
     tell(text)
     if options.output and COMM.rank == 0:
         with open(options.output, "w", encoding="utf-8") as file:
-            file.write("\n".join(lines) + "\n")
+            file.write(PREFACE + "\n".join(lines) + "\n")
     COMM.barrier()  # mpirun ends all ranks when one fails
     return 0 if passed else 1
 

@@ -14,7 +14,7 @@ since friction depends on the way.
 
 The picture shows both tractions beside the theory, for a mesh with 20 facets on b. The nodes are the
 particles (`Nodes()`): the meshes match, and a node either sticks or slips. (With the default,
-Simpson's rule, the transition takes one facet more: 12 % error of the shear for 7 %.) Half-cylinders
+Simpson's rule, the transition takes one facet more.) Half-cylinders
 are no half-spaces: that difference is in the errors, too.
 
 Run it with `python3 demos/cattaneo.py`, alone or under mpirun; `--facets` (of the half-width b,

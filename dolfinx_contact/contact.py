@@ -17,6 +17,7 @@ from .friction import FrictionUnknowns
 from .held import agreed, excluded, local_dofs
 from .layout import Layout
 from .pair import ContactPair
+from .projection import Projection
 from .rules import SeekDirection, SlaveNormal
 from .surface import Surface
 
@@ -118,14 +119,15 @@ class PairAssembly:
         # exchanged facets stay sufficient while surfaces move by less than half the margin
         self._margin = max(largest, 0.1 * self._radius)
 
+        self._multiplier_nodes = local_dofs(pair, pair._multiplier, len(pair._psi[2]))
         with together(self._comm, "contact set-up"):
             self.assembler = self._make(own, ringed, slave_dofs)
-        self._multiplier_nodes = local_dofs(pair, pair._multiplier, len(pair._psi[2]))
         self._excluded = self._exclude(pair._multiplier, pair.pressure_space, pair._psi)
         self.held = self._excluded.copy()
         self._friction = None
         if friction is not None:
             self._friction = FrictionUnknowns(pair)
+            self.friction_projection = Projection(pair, pair.friction, pair._phi, self.weight)
             self._excluded_friction = self._exclude(
                 pair._semi_multiplier, pair.friction_space, pair._phi
             )
@@ -149,7 +151,7 @@ class PairAssembly:
 
     def _make(self, own: Any, ringed: Any, slave_dofs: npt.NDArray[Any]) -> Any:
         pair = self.pair
-        weight = pair.integration.weights(
+        self.weight = pair.integration.weights(
             own, pair.slave.shape, pair._rule, pair._psi, pair.axisymmetric
         )
         powers, coefficients, nodes = pair._psi
@@ -165,7 +167,7 @@ class PairAssembly:
             ringed,
             len(own),
             pair._rule,
-            weight,
+            self.weight,
             _cpp.TraceBasis(nodes.shape[1], powers, coefficients),
             nodes,
             getattr(_cpp.TargetRule, pair.target.kind),
@@ -180,12 +182,9 @@ class PairAssembly:
             pair.slip == "convected",
             pair.frictional,
             slave_dofs,
-            self._multiplier_dofs(),
+            self._multiplier_nodes,
             self._layout.local_dofs(self.multiplier_block),
         )
-
-    def _multiplier_dofs(self) -> npt.NDArray[np.int32]:
-        return local_dofs(self.pair, self.pair._multiplier, len(self.pair._psi[2]))
 
     # -- at the start of a step -----------------------------------------------------------------
 
@@ -339,20 +338,6 @@ class PairAssembly:
             self.assembler.set_master(master, dofs)
         self._at, self._changed_since = (slave, ringed), 0.0
         self._tell_old()
-
-    # -- results --------------------------------------------------------------------------------
-
-    def nodal_friction(self, out: Any) -> None:
-        """Friction traction μ λ TΛ at the nodes of the friction space. Collective."""
-        pair = self.pair
-        pressure = fem.Function(compat.function_space(pair.slave.mesh, tuple(pair.friction_space)))
-        if tuple(pair.friction_space) == tuple(pair.pressure_space):
-            pressure.x.array[:] = pair._multiplier.x.array
-        else:
-            pressure.interpolate(pair._multiplier)
-        normals = self.assembler.nodes()[1][:, -len(pair._phi[2]) :]
-        vectors = self._friction.tangential(pair._semi_multiplier.x.array, normals)
-        out.x.array[:] = (pair.coefficient * pressure.x.array[:, None] * vectors).ravel()
 
     # -- scale ----------------------------------------------------------------------------------
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Friction unknowns of a pair: Λ = Σ_A φ_A t_Aα Λ_Aα, in tangents of the slave's nodes (F3).
 
+The method is Ben Dhia and Zarroug's (2002), as are the equations' numbers.
+
 The tangents are built from the slave's interpolated normals and frozen while a step is solved.
 Friction depends on TΛ alone, hence on no choice of tangents in the plane.
 """
@@ -56,7 +58,6 @@ class FrictionUnknowns:
         """
         dim = self._pair.slave.dim
         n = self._mean(normals)
-        self._outward = -n
         moves = agreed(self._vectors, self.local, free, any_facet=True).reshape(-1, dim)
 
         t = np.empty((len(n), dim - 1, dim))
@@ -97,26 +98,6 @@ class FrictionUnknowns:
         return np.divide(
             sums, length, out=np.tile(np.eye(dim)[-1], (len(sums), 1)), where=length > 0
         )
-
-    def tangential(
-        self, values: npt.NDArray[np.float64], normals: npt.NDArray[np.float64]
-    ) -> npt.NDArray[np.float64]:
-        """TΛ at the local nodes, (nodes, dim). Collective.
-
-        Args:
-            values: the local unknowns
-            normals: at the targets of the nodes of each own facet, (facets, nodes, dim)
-        """
-        dim = self._pair.slave.dim
-        if self.tangents is None:
-            return np.zeros((len(values) // (dim - 1), dim))
-        Lambda = np.einsum("na,nai->ni", values.reshape(-1, dim - 1), self.tangents)
-        n, n0 = self._mean(normals), self._outward
-        # the shortest rotation from n_0 to n, as for the particles (Turned in contact_law.h)
-        s = n0 + n
-        c = np.maximum(1 + _dot(n0, n), np.finfo(float).tiny)
-        Lambda = Lambda - s * _dot(s, Lambda) / c + 2 * n * _dot(n0, Lambda)
-        return Lambda - n * _dot(n, Lambda)
 
 
 def _dot(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -69,7 +69,8 @@ class ContactPair:
         slave, master: the surfaces
         pressure: nominal contact pressure, ≥ 0 in compression; Function on slave.mesh, of the last
             accepted solution
-        friction: nominal friction traction on the slave, a vector; likewise. None without friction
+        friction: nominal friction traction on the slave, a vector [pressure]: the projection of the
+            particles' tractions, likewise. None without friction
         coefficient: μ
     """
 
@@ -179,6 +180,11 @@ class ContactPair:
                 f"ContactPair: crease is {self.crease}; give an angle in degrees, above 0 and up to"
                 " 180."
             )
+        if rigid and isinstance(self.target, (SeekDirection, SlaveNormal)):
+            raise InputError(
+                f"ContactPair: target is {self.target!r}, but the target on a rigid tool is the"
+                " closest point of its surface; leave target out."
+            )
         direction = getattr(self.target, "direction", None)
         if direction is not None and not callable(direction) and len(direction) != slave.dim:
             raise InputError(
@@ -252,9 +258,9 @@ class ContactPair:
         that results must not be asked from it."""
         assembler = contact.assembler
         self.pressure.x.array[:] = 0.0 - self._multiplier.x.array
-        if self.frictional:
-            contact.nodal_friction(self.friction)
         self._accepted = {**assembler.particles(), "slave": assembler.slave.x[: assembler.own]}
+        if self.frictional:
+            contact.friction_projection(_tangential(self._accepted), self.friction)
 
     def _solved(self) -> dict[str, Any]:
         """Columns of the particles; "slave": current positions of the slave's position nodes."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The monolithic system of a contact problem: unknowns, residual, matrix.
+"""The monolithic system of a contact problem: unknowns, residual, matrix (Ben Dhia and Zarroug 2002).
 
 Unknowns are the bulk's and, for each pair, λ/s and Λ/ρ_τ with s the pair's scale [pressure/length].
 The rows of (F2) are multiplied by s and those of (F3) by ρ_τ. All rows are then forces and the
