@@ -377,7 +377,7 @@ def test_a_block_held_by_contact_alone(gap):
 
 def test_without_initial_contact_a_loose_block_is_reported():
     model, pair, problem = pushed_blocks(1e-4, initial_contact=0.0)
-    with pytest.raises(dc.ConvergenceError, match="initial_contact"):
+    with pytest.raises(dc.UnheldError, match="initial_contact"):
         problem.solve()
     assert not model.u.x.array.any()
 

@@ -206,7 +206,7 @@ void arithmetic(benchmark::State& state, Problem<D>& problem, bool product)
     slave.ref.displacement.tabulate(&rule.points[p * (D - 1)], N[p]);
 
   const ContactLaw law;
-  const Friction<D> none;
+  const FrictionTangent<D> none{Friction<D>()};
   const Vector<D> e = Vector<D>::Zero();
   PairMatrix<D> K;
   BasisValues M;

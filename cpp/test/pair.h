@@ -61,10 +61,12 @@ struct Pair
 {
   static constexpr int Q = D - 1;
   const Scene<D>& scene;
-  Vector<D> n0 = Vector<D>::Zero(); ///< of Turned
+  Vector<D> n0 = Vector<D>::Zero(); ///< see turned()
   Status status;
   bool convected; ///< measure of the slip
   ContactLaw law;
+  std::optional<double> threshold; ///< frozen
+  std::optional<bool> held;        ///< status of friction: true if it slips
   std::vector<double> N, psi, phi; // slave, multiplier and friction bases at the particle
   std::vector<Vector<D>> tangent;
   Eigen::VectorXd U; // slave u, multiplier and friction in their scales, master u, e if it turns
@@ -107,7 +109,7 @@ struct Pair
     {
       const Kinematics<D> k = s.placed(s.master, s.x1, s.e, s.target);
       n0 = before<D>(k.n);
-      auto turned = [&]() -> Vector<D> { return Turned<D>(n0, k.n, Lambda(U)).value; };
+      auto turned = [&] { return dolfinx_contact::turned<D>(n0, k.n, Lambda(U)); };
       const double share = (beside<D>(k.n) * turned()).norm();
       U.segment(first_friction(), tangent.size()) *= 0.4 / share;
       law.rho_t = choose_rho<D>(k.n, turned(), slip(s.master, s.x1, s.target.xi), status);
@@ -144,6 +146,22 @@ struct Pair
     return slip_of<D>(m, 0, xi, x, scene.x1_old, convected);
   }
 
+  /// What limits friction.
+  double limit(const Eigen::VectorXd& V, double gap) const
+  {
+    return threshold.value_or(law.continuous ? pressed(law, lambda(V), gap) : lambda(V));
+  }
+
+  Friction<D> friction(const Eigen::VectorXd& V, const Vector<D>& n, double gap,
+                       const Vector<D>& slip) const
+  {
+    if (not rubs())
+      return {};
+    Friction<D> f(law, limit(V, gap), n0, n, Lambda(V), slip, held);
+    f.frozen = threshold.has_value();
+    return f;
+  }
+
   CouplingBasis<D> basis(const BasisValues& M) const
   {
     CouplingBasis<D> B;
@@ -166,7 +184,7 @@ struct Pair
   {
     Vector<D> x = scene.x1, t = Vector<D>::Zero();
     double gap = -INFINITY;
-    Friction<D> friction;
+    Friction<D> f;
     BasisValues M{};
     if (closed())
     {
@@ -185,14 +203,12 @@ struct Pair
         throw std::logic_error("the target was lost: " + scene.text());
       const Kinematics<D> k = scene.placed(m, x, e, target);
       gap = k.gap;
-      if (rubs())
-        friction = Friction<D>(law, n0, k.n, Lambda(V), slip(m, x, target.xi));
-      t = traction<D>(law, lambda(V), k.n, gap, friction);
+      f = friction(V, k.n, gap, slip(m, x, target.xi));
+      t = traction<D>(law, lambda(V), k.n, gap, f);
       m.ref.displacement.tabulate(target.xi.data(), M);
     }
     PairVector<D> b = PairVector<D>::Zero(size());
-    add_residual<D>(basis(M), law, closed(), lambda(V), gap, t, Lambda(V), friction, weight, scales,
-                    b);
+    add_residual<D>(basis(M), law, closed(), lambda(V), gap, t, Lambda(V), f, weight, scales, b);
     return b;
   }
 
@@ -219,14 +235,13 @@ struct Pair
     }
     scene.master.ref.displacement.tabulate(scene.target.xi.data(), M);
     const Kinematics<D> k = scene.template linearised<Drop>(convected);
-    const Friction<D> friction
-        = rubs() ? Friction<D>(law, n0, k.n, Lambda(U), k.slip) : Friction<D>();
-    add_closed_tangent<D, F, Drop>(basis(M), law, lambda(U), k, friction, weight, scales, K);
+    const FrictionTangent<D> f(friction(U, k.n, k.gap, k.slip));
+    add_closed_tangent<D, F, Drop>(basis(M), law, lambda(U), k, f, weight, scales, K);
     Eigen::MatrixXd out(size(), columns());
     out.leftCols(size()) = K;
     if (turns())
       out.rightCols(D)
-          = field_columns<D, F, Drop>(basis(M), law, lambda(U), k, k.e, friction, weight, scales)
+          = field_columns<D, F, Drop>(basis(M), law, lambda(U), k, k.e, f, weight, scales)
             * beside<D>(scene.e);
     return out;
   }

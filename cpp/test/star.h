@@ -48,7 +48,7 @@ struct StarScene
     if (status == Status::closed)
       return {};
     const auto now = normals.at(master, target.facet, target.xi.data()).M.normalized();
-    return Friction<D>(law(status), before<D>(now), n, Lambda(V), slip);
+    return Friction<D>(law(status), scales.pressure * V[D], before<D>(now), n, Lambda(V), slip);
   }
 
   Vector<D> Lambda(const Eigen::VectorXd& V) const
@@ -167,7 +167,7 @@ struct StarScene
     BasisValues M;
     master.ref.displacement.tabulate(xi, M);
     const Kinematics<D> k = linearised<Drop>();
-    const Friction<D> f = rub(status, U, k.n, k.slip);
+    const FrictionTangent<D> f(rub(status, U, k.n, k.slip));
     const ContactLaw law = this->law(status);
     const double lambda = scales.pressure * U[D];
     const std::vector<int> places = this->places(status);
@@ -279,7 +279,7 @@ StarScene<D> draw_star(const Element& element, const Rules& rules, Clamp clamp,
     const Kinematics<D> k = s.linearised();
     auto size = [&](Status status)
     {
-      const Vector<D> Lambda = Turned<D>(before<D>(k.n), k.n, s.Lambda(s.U)).value;
+      const Vector<D> Lambda = turned<D>(before<D>(k.n), k.n, s.Lambda(s.U));
       return (beside<D>(k.n) * (Lambda + s.law(status).rho_t * k.slip)).norm();
     };
     if (size(Status::stick) < 0.9 and size(Status::slip) > 1.2)

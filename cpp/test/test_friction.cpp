@@ -168,7 +168,7 @@ TEST_CASE("friction: the traction opposes the slip, acts and reacts")
       const Vector<3> n = s.placed(s.master, s.x1, s.e, s.target).n;
       const Vector<3> g
           = beside<3>(n)
-            * (Turned<3>(pair.n0, n, pair.Lambda(pair.U)).value
+            * (turned<3>(pair.n0, n, pair.Lambda(pair.U))
                + pair.law.rho_t * slip_of<3>(s.master, 0, s.target.xi, s.x1, s.x1_old, true));
       REQUIRE(g.norm() == Approx(status == Status::slip ? 1.8 : 0.7));
       const double lambda = pair.lambda(pair.U);

@@ -80,7 +80,7 @@ struct ToolPair
 
   Friction<D> friction(const Eigen::VectorXd& V, const Kinematics<D>& k) const
   {
-    return Friction<D>(law, before<D>(k.n), k.n, Lambda(V), k.slip);
+    return Friction<D>(law, scale.pressure * V[2 * D], before<D>(k.n), k.n, Lambda(V), k.slip);
   }
 
   PairVector<D> residual(const Eigen::VectorXd& V) const
@@ -98,8 +98,8 @@ struct ToolPair
   {
     const Kinematics<D> k = kinematics(U);
     PairMatrix<D> K = PairMatrix<D>::Zero(size, size);
-    add_closed_tangent<D, true>(basis(), law, scale.pressure * U[2 * D], k, friction(U, k), 0.37,
-                                scale, K);
+    add_closed_tangent<D, true>(basis(), law, scale.pressure * U[2 * D], k,
+                                FrictionTangent<D>(friction(U, k)), 0.37, scale, K);
     return K;
   }
 };

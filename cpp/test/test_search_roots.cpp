@@ -53,6 +53,18 @@ TEST_CASE("Cubic: real roots of all degrees")
   }
   REQUIRE(roots({{0, 1, 0, 0}}, 0, 1) == std::vector<double>{0}); // the ends count
   REQUIRE(roots({{-1, 1, 0, 0}}, 0, 1).size() == 1);
+  // at the upper end, from below and from above, with and without stationary points before it
+  for (const double sign : {-1.0, 1.0})
+  {
+    const double s = sign;
+    REQUIRE(roots({{-s, s, 0, 0}}, 0, 1) == std::vector<double>{1});
+    REQUIRE(roots({{-s, 0, s, 0}}, 0.5, 1) == std::vector<double>{1});
+    REQUIRE(roots({{0, -s, s, 0}}, 0.25, 1) == std::vector<double>{1});
+    REQUIRE(roots({{0, -s, 0, s}}, 0.25, 1) == std::vector<double>{1});
+    REQUIRE(roots({{0, -s, s, 0}}, 0, 1) == std::vector<double>{0, 1});
+    REQUIRE(roots({{0, -s, 0, s}}, -1, 1) == std::vector<double>{-1, 0, 1});
+    REQUIRE(roots({{s, -2 * s, s, 0}}, 0, 1) == std::vector<double>{1}); // it touches zero there
+  }
   REQUIRE(roots({{0.5, 1, 0, 0}}, 0, 1).empty());
 }
 
