@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from . import compat
+from . import _cpp, compat
 from .errors import UnheldError
 from .layout import Layout
 
@@ -105,8 +105,8 @@ class Bodies:
         """What can move without any resistance of A; None if nothing can. Collective."""
         if not self._loose:
             return None
-        largest = A.getRowMaxAbs()
-        scale = np.where(largest.array_r > 0, largest.array_r, 1.0)
+        largest = _cpp.largest_in_rows(A.handle)
+        scale = np.where(largest > 0, largest, 1.0)
         for moved in (False, True):  # rigid motions of linear and of nonlinear models
             columns, names, grams = [], [], []
             for body in self._loose:

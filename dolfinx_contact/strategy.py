@@ -31,10 +31,9 @@ class Newton:
     def solve(self, system: System, options: dict[str, Any]) -> Report:
         """Solve from the Functions' present values. Collective.
 
-        With friction, a step that begins without any pressure, or in which Newton fails, is solved
-        from its frictionless solution (formulation, section 7): friction then knows the pressures.
-        Bodies that friction alone holds are glued for that. If that fails too, statuses cycle, and
-        it is tried once more with a tenth and a hundredth of ρ_τ.
+        With friction, a step that begins without any pressure is solved from its frictionless
+        solution (formulation, section 7): friction then knows the pressures. A body that friction
+        alone holds is glued for that.
 
         Returns:
             what happened, over all attempts; the system's Functions hold the last iterate
@@ -56,20 +55,20 @@ class Newton:
             _fill(system, before)
             if not _predict(system, run):
                 return False
-            predicted = _values(system)
-            for factor in (1.0, 0.1, 0.01):
-                _fill(system, predicted)
-                system.go_on(factor)
-                if run():
-                    return True
-            return False
+            system.restore()
+            system.go_on()
+            return run()
 
         if not system.frictional:
             direct()
         elif system.without_pressure():
-            from_predictor() or direct()
+            if not from_predictor():
+                direct()
         else:
-            direct() or from_predictor()
+            try:
+                direct()
+            except UnheldError:  # all slips at first; glued it may hold
+                from_predictor()
         return report
 
 
@@ -157,11 +156,11 @@ def _predict(system: System, run: Callable[[], bool]) -> bool:
         return run()
     except UnheldError:
         system.start()
+        system.glue()
         try:
-            system.glue()
             return run()
         finally:
-            system.freeze()
+            system.unglue()
 
 
 def _values(system: System) -> list[Any]:

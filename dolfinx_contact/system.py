@@ -295,24 +295,27 @@ class System:
             contact.assembler.freeze(**{name: True for name in what})
 
     def glue(self) -> None:
-        """All that touches sticks, at any pressure, until ``freeze`` is called."""
+        """All that touches sticks, at any pressure, until ``unglue`` is called. Collective."""
         self.residual(self.x, self.b, close=True)
         self.freeze("threshold", "status")
         for contact, parameters in zip(self.contacts, self.parameters):
             if contact.pair.frictional:
                 contact.assembler.glue(parameters["pressure"])
 
+    def unglue(self) -> None:
+        """Friction as it is again. Its Λ, of other pressures, is forgotten: all sticks at first."""
+        self.freeze()
+        for pair in self.pairs:
+            if pair.frictional:
+                pair._semi_multiplier.x.array[:] = 0.0
+
     def check_held(self) -> None:
         """See Bodies.check; with the matrix of the last ``jacobian``. Collective."""
         self.bodies.check(self.A)
 
-    def go_on(self, factor: float = 1.0) -> None:
-        """Go on with friction in the present step, with parameters for the present pressures.
-
-        Args:
-            factor: of ρ_τ, on its automatic value
-        """
-        self._choose_parameters(True, factor)
+    def go_on(self) -> None:
+        """Go on with friction in the present step, with parameters for the present pressures."""
+        self._choose_parameters(True)
         self.read()
 
     @property
@@ -359,7 +362,7 @@ class System:
         self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
         self._stiffness = [contact.stiffness(diagonal) for contact in self.contacts]
 
-    def _choose_parameters(self, friction: bool, factor: float = 1.0) -> None:
+    def _choose_parameters(self, friction: bool) -> None:
         """Scales and augmentation parameters of a step.
 
         λ is scaled by the stiffness of the slave surface per area [pressure/length], and ρ_n is a
@@ -378,7 +381,6 @@ class System:
             p = p or 1e-6 * stiffness * size
             mu = max(pair.coefficient, 0.1)
             rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), _MOST_RHO_T / size)
-            rho_t *= factor
             self.parameters.append({"rho_n": rho_n, "rho_t": rho_t, "pressure": p})
             self.scale[contact.friction_block] = rho_t
             contact.assembler.set_parameters(

@@ -5,8 +5,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
-from problems import MASTER, SLAVE, TOP, distance, punch
+from problems import (
+    MASTER,
+    SLAVE,
+    TOP,
+    Material,
+    block_halves,
+    constant,
+    distance,
+    one_mesh,
+    punch,
+    small_strain,
+    taylor_blocks,
+)
 
 import dolfinx_contact as dc
 
@@ -154,3 +167,106 @@ def test_a_failed_step_restores_everything():
     # both start from bitwise the same state
     assert distance(model.u, other.u) < 1e-11
     assert distance(pair.friction, again.friction) < 1e-9
+
+
+# -- where a step begins --------------------------------------------------------------------------
+
+
+def watched(problem):
+    """Keep the displacements and the report of each solve: a list that grows."""
+    solve, solved = problem.solve, []
+
+    def watch():
+        start = problem.u[0].x.array.copy()
+        report = solve()
+        solved.append((start, problem.u[0].x.array.copy(), report))
+        return report
+
+    problem.solve = watch
+    return solved
+
+
+def test_a_linear_path_is_extrapolated():
+    """Linear bodies on a linear path: from the second step on each begins at its solution, whatever
+    the lengths of the steps. Only the pressures are left to find, in one linear solve."""
+    model = taylor_blocks(COMM)
+    pair = model.pair(target=dc.SeekDirection((0, 1)), normals="direction")
+    problem = model.problem(pair)
+    solved = watched(problem)
+    lengths = iter((0.1, 0.1, 0.25, 0.05, 0.5))
+    stepping = dc.LoadStepping(
+        problem, lambda t: model.move(TOP, (None, -0.024 * t)), step=0.1, progress=False
+    )
+    for step in stepping:
+        stepping._next = next(lengths) if step.time < 0.1 + 1e-12 else next(lengths, 1.0)
+    first, later = solved[0][2], solved[1:]
+    assert len(later) >= 3
+    for start, end, report in later:
+        # the solutions leave 1e-10 of the forces; steps grow by up to 5
+        distance = COMM.allreduce(np.abs(end - start).max(initial=0.0), op=MPI.MAX)
+        assert distance < 1e-9 * 0.024
+        assert report.iterations <= first.iterations
+        assert report.residuals["contact"][0] < 1e-9 * report.reference  # no gaps
+
+
+def test_without_contact_nothing_is_left_to_solve():
+    """Bodies apart: the second step's first residual is round-off, and no solve is needed."""
+    model = one_mesh(
+        COMM, block_halves((4, 3), 2, top=(0.0, 0.0), gap=0.5), Material(small_strain, 1e3, 0.3)
+    )
+    w = ufl.TestFunction(model.u.function_space)
+    load = constant(model.mesh, 0.0)
+    ds = ufl.Measure("ds", domain=model.mesh, subdomain_data=model.tags)
+    model.F -= load * w[0] * ds(SLAVE)
+    problem = model.problem(model.pair())
+
+    def apply(t):
+        load.value = t
+
+    steps = list(dc.LoadStepping(problem, apply, step=0.25, progress=False))
+    assert [s.report.iterations for s in steps] == [1, 0, 0, 0]
+    for step in steps[1:]:
+        # round-off of sums of the reactions, some 1e2 entries
+        assert step.report.norms[0] < 1e-12 * step.report.reference
+    assert [s.smallest for s in steps] == [0.25] * 4
+
+
+def test_after_a_failed_step_u_is_that_of_the_last_accepted():
+    """Not the extrapolated start; bitwise. And the smaller step is extrapolated from there."""
+    model = punch(COMM)
+    pair = model.pair(friction=0.2)
+    problem = model.problem(pair)
+    accepted, checked = [model.u.x.array.copy()], []
+    solved = watched(problem)
+
+    def apply(t):
+        model.move(TOP, (0.05 * t, -0.08 * t))
+        if t == stepping.time and t > 0:  # called again after a failure
+            np.testing.assert_array_equal(model.u.x.array, accepted[-1])
+            checked.append(t)
+        # more than a third from where it is: no chance
+        problem.strategy.max_it = 1 if t > stepping.time + 0.3 else 30
+
+    stepping = dc.LoadStepping(problem, apply, step=0.2, max_step=0.45, progress=False)
+    steps = []
+    for step in stepping:
+        accepted.append(model.u.x.array.copy())
+        steps.append(step)
+        stepping._next = 0.4 if step.number == 2 else stepping._next
+    assert checked == [pytest.approx(0.4)]
+    third = steps[2]
+    assert third.failed == 1 and third.length == pytest.approx(0.2)
+    assert [s.smallest for s in steps] == [min(t.length for t in steps[: s.number]) for s in steps]
+    # the start of the third step: the second's end plus as much again as in the second
+    start = solved[2][0]
+    np.testing.assert_allclose(start, 2 * accepted[2] - accepted[1], rtol=0, atol=1e-15)
+
+
+def test_the_smallest_step_is_remembered():
+    problem = Brittle(0.06)
+    steps = list(dc.LoadStepping(problem, problem.apply, step=0.2, progress=False))
+    made = lengths(problem)
+    np.testing.assert_allclose(
+        [s.smallest for s in steps], np.minimum.accumulate(made), rtol=1e-12
+    )
+    assert steps[-1].smallest < made.max()

@@ -95,12 +95,14 @@ void Assembler<D>::begin_step(double close)
     const double touching = near(f, close);
     for (int p = 0; p < np; ++p)
     {
-      State& s = _states[f * np + p];
+      State &s = _states[f * np + p], &kept = _accepted[f * np + p];
       s.changes = 0;
       if (not _options.rubbing)
         continue;
-      s.touched = _accepted[f * np + p].closed or s.gap > touching;
-      s.n0 = -_slave_normals.at(_slave, f, &_particles.rule.points[p * (D - 1)]).M.normalized();
+      // `restore` comes back into the step that begins here
+      s.touched = kept.touched = kept.closed or s.gap > touching;
+      s.n0 = kept.n0
+          = -_slave_normals.at(_slave, f, &_particles.rule.points[p * (D - 1)]).M.normalized();
     }
   }
 }

@@ -39,4 +39,19 @@ RowCounts count_rows(Mat preallocator)
   return out;
 }
 
+std::vector<double> largest_in_rows(Mat A)
+{
+  ::Vec v = nullptr;
+  check(MatCreateVecs(A, nullptr, &v), "MatCreateVecs");
+  check(MatGetRowMaxAbs(A, v, nullptr), "MatGetRowMaxAbs");
+  PetscInt n = 0;
+  const PetscScalar* values = nullptr;
+  check(VecGetLocalSize(v, &n), "VecGetLocalSize");
+  check(VecGetArrayRead(v, &values), "VecGetArrayRead");
+  std::vector<double> out(values, values + n);
+  check(VecRestoreArrayRead(v, &values), "VecRestoreArrayRead");
+  check(VecDestroy(&v), "VecDestroy");
+  return out;
+}
+
 } // namespace dolfinx_contact

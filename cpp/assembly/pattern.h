@@ -17,4 +17,8 @@ struct RowCounts
 /// @throws std::runtime_error on an error of PETSc
 RowCounts count_rows(Mat preallocator);
 
+/// Largest absolute value in each owned row of an assembled matrix. Collective.
+/// @throws std::runtime_error on an error of PETSc
+std::vector<double> largest_in_rows(Mat A);
+
 } // namespace dolfinx_contact

@@ -427,6 +427,12 @@ PYBIND11_MODULE(_cpp, m)
           const py::ssize_t n = c.diagonal.size();
           return py::make_tuple(as_array(c.diagonal, {n}), as_array(c.off_diagonal, {n}));
         });
+  m.def("largest_in_rows",
+        [](std::uintptr_t mat)
+        {
+          const std::vector<double> v = largest_in_rows(reinterpret_cast<Mat>(mat));
+          return as_array(v, {static_cast<py::ssize_t>(v.size())});
+        });
   declare_assembler<2>(m, "Assembler2");
   declare_assembler<3>(m, "Assembler3");
 }

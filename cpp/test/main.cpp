@@ -4,11 +4,14 @@
 #include <catch2/catch.hpp>
 #include <iostream>
 #include <mpi.h>
+#include <petscsys.h>
 #include <sstream>
 
 int main(int argc, char** argv)
 {
   MPI_Init(&argc, &argv);
+  if (PetscInitializeNoArguments() != 0)
+    return 1;
   int rank;
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
 
@@ -23,6 +26,7 @@ int main(int argc, char** argv)
       std::cout << "On rank " << rank << ":\n" << quiet.str() << std::flush;
   }
   MPI_Allreduce(MPI_IN_PLACE, &failed, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
+  PetscFinalize();
   MPI_Finalize();
   return failed;
 }
