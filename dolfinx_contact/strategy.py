@@ -46,24 +46,21 @@ class Newton:
         def run() -> bool:
             return NewtonLoop(system, options, self.rtol, self.max_it).run(report)
 
-        def direct() -> bool:
-            _fill(system, before)
+        def direct() -> None:
             system.start()
-            return run()
+            run()
 
-        def from_predictor() -> bool:
+        def from_predictor() -> None:
             _fill(system, before)
-            if not _predict(system, run):
-                return False
-            system.restore()
-            system.go_on()
-            return run()
+            if _predict(system, run, run):
+                system.restore()
+                system.go_on()
+                run()
 
         if not system.frictional:
             direct()
         elif system.without_pressure():
-            if not from_predictor():
-                direct()
+            from_predictor()
         else:
             try:
                 direct()
@@ -112,13 +109,24 @@ class FixedPoint:
                 system.freeze()
             return report.converged
 
-        if system.without_pressure():
-            if _predict(system, run):
+        def glued() -> bool:
+            return NewtonLoop(system, options, self.rtol, self.max_it).run(report)
+
+        def from_predictor() -> None:
+            if _predict(system, run, glued):
                 system.go_on()
                 run()
-        else:
-            system.start()
+
+        if system.without_pressure():
+            from_predictor()
+            return report
+        before = _values(system)
+        system.start()
+        try:
             run()
+        except UnheldError:  # all slips at first; glued it may hold
+            _fill(system, before)
+            from_predictor()
         return report
 
     def _loop(
@@ -142,6 +150,7 @@ class FixedPoint:
                 return False
             system.freeze(*self._order[:level])
             system.residual(system.x, system.b)
+            report.add(*system.norms(system.b), system.changes)
             left = max(system.norms(system.b))
             if left <= max(system.tolerance(self.rtol), enough):
                 return True
@@ -149,7 +158,7 @@ class FixedPoint:
         return False
 
 
-def _predict(system: System, run: Callable[[], bool]) -> bool:
+def _predict(system: System, run: Callable[[], bool], glued: Callable[[], bool]) -> bool:
     """A first solution of a step with friction: without it, or glued where nothing else holds."""
     system.start(friction=False)
     try:
@@ -158,7 +167,7 @@ def _predict(system: System, run: Callable[[], bool]) -> bool:
         system.start()
         system.glue()
         try:
-            return run()
+            return glued()
         finally:
             system.unglue()
 

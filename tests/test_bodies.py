@@ -9,7 +9,6 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from problems import (
-    BOTTOM,
     MASTER,
     ROTATION,
     SLAVE,

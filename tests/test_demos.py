@@ -16,7 +16,7 @@ tolerances; lengths are relative to the mean facet, pressures to the largest one
 * the direction of the mean slip, exactly only if all around a node slip in one direction: in 3D they
   slip in slightly different ones;
 * where some particles around a node touch and others do not, or some stick and others slip: means that
-  vanish with the size of the facets. Tolerances are two to three times what the demos have.
+  vanish with the size of the facets. Tolerances are two to four times what the demos have.
 """
 
 import runpy
@@ -46,8 +46,8 @@ DEMOS = {
     "ironing": ("--slab 40 --way 1", {"open", "stick", "slip"}),
     "drag_and_turn": ("--cells 8", {"open", "stick", "slip"}),
 }
-# On several ranks without the one that has no options and takes half a minute on one: all others
-# together take about as long.
+# On several ranks without the one that has no options and takes half a minute on one: the others take
+# 45 to 90 s there.
 NAMES = [name for name in DEMOS if COMM.size == 1 or name != "sphere_on_block"]
 
 ROUND_OFF = 1e-12
@@ -77,7 +77,7 @@ TOLERANCES = {
     # at the edge of contact, where the gap varies within the facet
     "edge: mean pressure × mean gap": 2e-2,
     # sticking particles around a node move to and fro by a part of the largest slip
-    "mean work of friction": 3e-2,
+    "mean work of friction": 1e-2,
 }
 
 
@@ -97,7 +97,9 @@ class Around:
 
     def __call__(self, values):
         """(particles, …) to (all nodes, components)"""
-        rows = np.asarray(values, dtype=float).reshape(*self.factors.shape[:2], -1)
+        values = np.asarray(values, dtype=float)
+        components = values.shape[1] if values.ndim > 1 else 1
+        rows = values.reshape(*self.factors.shape[:2], components)
         sums = np.zeros((self.index_map.size_global, rows.shape[2]))
         np.add.at(sums, self.nodes, np.einsum("fpa,fpk->fak", self.factors, rows))
         return COMM.allreduce(sums) / np.reshape(self.size, (-1, 1))
@@ -208,7 +210,7 @@ def violations(problem, number, particles, before):
     back = v - both * (dot(both, v) / (1 + dot(n0, n)))[:, None] + 2 * n0 * dot(n, v)[:, None]
     unknowns = contact._friction
     tangents = mean.of_owners(unknowns.tangents)
-    fixed = mean.of_owners(unknowns.held.reshape(len(unknowns.tangents), -1)) > 0
+    fixed = mean.of_owners(unknowns.held.reshape(unknowns.tangents.shape[:2])) > 0
     rest = np.where(fixed, 0, np.einsum("nk,nak->na", mean(back), tangents))
     load = mean(limit)
     all_stick = (rubbed > 1 - ROUND_OFF) & (slipped < ROUND_OFF) & (load[:, 0] > 0)
@@ -220,11 +222,11 @@ class Judge:
     """Examines all pairs after each solve.
 
     Args:
-        falsify: functions of (particles, facet size) that make a table wrong, by name
+        falsify: see WRONG
 
     Attributes:
         worst: largest violation of each law so far
-        seen: statuses of particles with friction or without
+        seen: statuses of particles
         caught: the laws that each falsified table was seen to violate
     """
 
@@ -251,13 +253,13 @@ class Judge:
                 self.worst[law] = max(value, self.worst.get(law, 0.0))
             guilty = {law: value for law, value in found.items() if not value <= TOLERANCES[law]}
             assert not guilty, f"solve {self.solves}: {guilty}"
-            for name, make_wrong in self.falsify.items():
+            for name, (column, rows, _) in self.falsify.items():
                 wrong = pair.particles
-                make_wrong(wrong, h)
+                setattr(wrong, column, rows(wrong, h))
                 found = violations(problem, number, wrong, before)
                 self.caught[name] |= {k for k, v in found.items() if not v <= TOLERANCES[k]}
             particles = pair.particles
-            self.seen |= set(COMM.allreduce(list(map(str, np.unique(particles.status)))))
+            self.seen |= set(COMM.allreduce(list(particles.status)))
             normals = -contact.assembler.slave_normals(pair._rule.points, True)
             normals = normals.reshape(-1, pair.slave.dim)
             self._before[contact] = particles.status != "open", normals
@@ -278,3 +280,58 @@ def test_laws(name, monkeypatch):
 
 def test_every_demo_is_here():
     assert {file.stem for file in FOLDER.glob("*.py")} == set(DEMOS)
+
+
+def creep(p, h):
+    """What sticks moves by 1e-8 of a facet along the surface (2D)."""
+    n = np.nan_to_num(p.normal) * (p.status == "stick")[:, None]
+    return p.slip + 1e-8 * h * np.column_stack([-n[:, 1], n[:, 0]])
+
+
+# Falsified tables: the column, its rows from (particles, facet size), and a law that this violates,
+# with Nodes() and in the means.
+TOO_MUCH, TOO_LITTLE = (
+    "friction exceeds μ times the pressure",
+    "a slipping particle has less friction",
+)
+DRIVES = "Nodes: friction is not opposed to the slip", "mean friction drives the mean slip"
+CARRIES = "an open particle carries a traction"
+WRONG = {
+    "friction the other way": ("friction", lambda p, h: -p.friction, DRIVES),
+    "friction 1 % larger": ("friction", lambda p, h: 1.01 * p.friction, [TOO_MUCH] * 2),
+    "friction 1 % smaller": ("friction", lambda p, h: 0.99 * p.friction, [TOO_LITTLE] * 2),
+    "pressure 1 % smaller": ("pressure", lambda p, h: 0.99 * p.pressure, [TOO_MUCH] * 2),
+    "suction": (
+        "pressure",
+        lambda p, h: -p.pressure,
+        ("Nodes: tension", "the pressure is not the multiplier's"),
+    ),
+    "open but pressed": (
+        "pressure",
+        lambda p, h: np.maximum(p.pressure, 1e-6 * np.max(p.pressure, initial=0)),
+        [CARRIES] * 2,
+    ),
+    "apart": ("gap", lambda p, h: p.gap + 1e-8 * h, ("Nodes: pressure × gap", "mean of (F2)")),
+    "inside": ("gap", lambda p, h: p.gap - 1e-8 * h, ("Nodes: penetration", "mean of (F2)")),
+    "slip the other way": ("slip", lambda p, h: -p.slip, DRIVES),
+    "creep": (
+        "slip",
+        creep,
+        ("Nodes: a sticking particle slips", "mean slip of sticking particles"),
+    ),
+    "none touches": ("status", lambda p, h: np.full_like(p.status, "open"), [CARRIES] * 2),
+    "all that touches slips": (
+        "status",
+        lambda p, h: np.where(p.status == "stick", "slip", p.status),
+        [TOO_LITTLE] * 2,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ("cattaneo", "ironing"))
+def test_falsified_tables_are_caught(name, monkeypatch):
+    """With Nodes() and in the means: each law can fail, and tables that are a little wrong do."""
+    judge = Judge(monkeypatch, WRONG)
+    run(name, monkeypatch)
+    for wrong, (_, _, laws) in WRONG.items():
+        assert laws[name == "ironing"] in judge.caught[wrong], wrong

@@ -128,7 +128,7 @@ def table(problem):
 FAILURES = {
     "loops": ({"max_loops": 1}, (0.01, -0.06)),
     "threshold": ({"max_loops": 3}, (0.1, -0.1)),
-    "iterations": ({"max_it": 1}, (0.3, -0.25)),
+    "iterations": ({"max_it": 1}, (0.8, -0.7)),
 }
 
 

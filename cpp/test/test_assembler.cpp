@@ -6,6 +6,7 @@
 #include "../assembly/petsc_check.h"
 #include "scenes.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <numeric>
 
@@ -78,7 +79,7 @@ public:
     assembler.update(unknowns(U), -1);
     assembler.begin_step(1); // friction acts on all particles
     for (int i = 0; i < _ns; ++i)
-      U[i] += i % D == 0 ? 0.1 : uniform(_random, -0.02, 0.02);
+      U[i] += i % D == 0 ? 0.18 - 0.17 * x_of(i / D) : uniform(_random, -0.05, 0.01);
     for (int i = 0; i < _nl; ++i)
       U[_ns + _nm + i] = uniform(_random, -0.2, 0);
     for (int i = 0; i < _nl * Q; ++i)
@@ -151,7 +152,7 @@ public:
   {
     Eigen::VectorXd V = U;
     for (int i = 0; i < _ns; ++i)
-      V[i] += i % D == 0 ? -0.3 : uniform(_random, -0.06, 0.06);
+      V[i] += i % D == 0 ? -0.18 - 0.12 * x_of(i / D) : uniform(_random, -0.06, 0.06);
     for (int i = 0; i < _nl; ++i)
       V[_ns + _nm + i] *= uniform(_random, 0.3, 1.5);
     return V;
@@ -180,9 +181,16 @@ private:
     return out;
   }
 
+  /// First coordinate of a node of the slave; positions and displacements have the same nodes.
+  double x_of(int node) const
+  {
+    const auto at = std::find(_slave.local.begin(), _slave.local.end(), node);
+    return _slave.X[(at - _slave.local.begin()) * D];
+  }
+
   Particles particles() const
   {
-    const ParticleRule rule = simpson(_element.shape, 1);
+    const ParticleRule rule = simpson(_element.shape, D == 2 ? 2 : 1);
     return {rule, particle_weights(_slave, rule, false), _slave.ref.displacement, {}, {}};
   }
 
@@ -194,7 +202,7 @@ private:
     o.convected = setting.convected;
     o.crease = 3.1;
     o.rubbing = true;
-    o.law = {.rho_n = 20, .friction = 0.4, .rho_t = 8, .kappa = 0.05, .least = 1e-3};
+    o.law = {.rho_n = 20, .friction = 0.4, .rho_t = 10, .kappa = 0.05, .least = 1e-3};
     o.scale = scales;
     return o;
   }

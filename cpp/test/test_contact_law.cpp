@@ -278,7 +278,9 @@ TEMPLATE_TEST_CASE_SIG("ContactLaw: the linearised traction is the traction's de
         }
       }
       REQUIRE(out.t.norm() > 1);
-      REQUIRE((out.row.norm() > 0.1) == rubs);
+      REQUIRE((out.row.norm() > 0) == rubs);
+      if (rubs and (D == 3 or size < 1)) // slip in 2D: ±n turned by 90°, and so is Λ*
+        REQUIRE(out.row.norm() > 0.1);
     }
 }
 
