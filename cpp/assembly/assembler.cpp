@@ -245,8 +245,8 @@ void Assembler<D>::stay(int f, int particle, State& s) const
       = _tool ? s.y0 : FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false).x;
   const Vector<D> r = s.x - y;
   s.gap = r.dot(s.n);
-  if (s.closed)
-    s.slip = s.slip0 + r - s.r0;
+  if (_friction.nodes() > 0)
+    s.slip = s.slip0 + r - s.r0; // if it is closed
 }
 
 template <int D>
@@ -354,8 +354,10 @@ Changes Assembler<D>::update(const Unknowns& u, double close)
       if (nf == 0)
         continue;
 
-      if (not _frozen.geometry)
-        s.slip = s.closed ? slip(s, f, p) : Vector<D>(Vector<D>::Zero());
+      if (not s.closed)
+        s.slip.setZero();
+      else if (not _frozen.geometry)
+        s.slip = slip(s, f, p);
       const Friction<D> before = s.friction;
       s.friction = friction(s);
       if (before.acts and s.friction.acts)

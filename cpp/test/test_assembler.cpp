@@ -79,7 +79,8 @@ public:
     assembler.update(unknowns(U), -1);
     assembler.begin_step(1); // friction acts on all particles
     for (int i = 0; i < _ns; ++i)
-      U[i] += i % D == 0 ? 0.18 - 0.17 * x_of(i / D) : uniform(_random, -0.05, 0.01);
+      U[i] += i % D == 0 ? 0.18 - 0.17 * x_of(i / D)
+                         : uniform(_random, -0.05, 0.01) - 0.015 * x_of(i / D);
     for (int i = 0; i < _nl; ++i)
       U[_ns + _nm + i] = uniform(_random, -0.2, 0);
     for (int i = 0; i < _nl * Q; ++i)
@@ -152,9 +153,10 @@ public:
   {
     Eigen::VectorXd V = U;
     for (int i = 0; i < _ns; ++i)
-      V[i] += i % D == 0 ? -0.18 - 0.12 * x_of(i / D) : uniform(_random, -0.06, 0.06);
+      V[i] += i % D == 0 ? -0.18 - 0.12 * x_of(i / D)
+                         : uniform(_random, -0.06, 0.06) + 0.2 * (x_of(i / D) - 0.6);
     for (int i = 0; i < _nl; ++i)
-      V[_ns + _nm + i] *= uniform(_random, 0.3, 1.5);
+      V[_ns + _nm + i] *= uniform(_random, 0.1, 2);
     return V;
   }
 
