@@ -111,20 +111,20 @@ class NewtonLoop:
         return report.converged
 
     def _residual(self, snes: Any, x: Any, b: Any) -> None:
-        start = time.perf_counter()
         if self._known is not None and x.equal(self._known[0]):
             self._known[1].copy(b)
         else:
             self._evaluate(x, b)
         self._known = None
-        self.report.time["residual"] += time.perf_counter() - start
 
     def _evaluate(self, x: Any, b: Any) -> None:
         if not self._first and not np.isfinite(x.norm()):
             b.set(np.nan)  # the step has overflown; the search would raise
             return
+        start = time.perf_counter()
         self.system.residual(x, b, close=self._close and self._first)
         self._first = False
+        self.report.time["residual"] += time.perf_counter() - start
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
         start = time.perf_counter()
