@@ -20,7 +20,17 @@ from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
 from .report import Report
-from .rules import Gauss, Lobatto, Nodes, Proximity, SeekDirection, Simpson, SlaveNormal, Smooth
+from .rules import (
+    Gauss,
+    Lobatto,
+    Nodes,
+    Proximity,
+    SeekDirection,
+    Segments,
+    Simpson,
+    SlaveNormal,
+    Smooth,
+)
 from .stepping import LoadStepping, Step
 from .strategy import FixedPoint, Newton
 from .surface import Surface
@@ -44,6 +54,7 @@ __all__ = [
     "Report",
     "RigidPlane",
     "SeekDirection",
+    "Segments",
     "Simpson",
     "SlaveNormal",
     "Smooth",

@@ -127,7 +127,7 @@ class PairAssembly:
         self._friction = None
         if friction is not None:
             self._friction = FrictionUnknowns(pair)
-            self.friction_projection = Projection(pair, pair.friction, pair._phi, self.weight)
+            self.friction_projection = Projection(pair, pair.friction, pair._phi, own)
             self._excluded_friction = self._exclude(
                 pair._semi_multiplier, pair.friction_space, pair._phi
             )
@@ -151,15 +151,20 @@ class PairAssembly:
 
     def _make(self, own: Any, ringed: Any, slave_dofs: npt.NDArray[Any]) -> Any:
         pair = self.pair
-        self.weight = pair.integration.weights(
-            own, pair.slave.shape, pair._rule, pair._psi, pair.axisymmetric
-        )
+        refined, weight = pair.integration.refined, np.zeros(0)
+        points = pair._rule.points
+        if refined:
+            points = pair.slave.reference["position"]["points"]
+        else:
+            weight = pair.integration.weights(
+                own, pair.slave.shape, pair._rule, pair._psi, pair.axisymmetric
+            )
         powers, coefficients, nodes = pair._psi
         if pair.frictional and not np.array_equal(nodes, pair._phi[2]):
             nodes = np.concatenate([nodes, pair._phi[2]])
         direction = np.zeros(0)
         if isinstance(pair.target, SeekDirection):
-            X = _cpp.reference_positions(own, np.concatenate([pair._rule.points, nodes]))
+            X = _cpp.reference_positions(own, np.concatenate([points, nodes]))
             direction = pair.target.at(X.reshape(-1, pair.slave.dim))
         turning = isinstance(pair.target, SlaveNormal)
         kind = _cpp.Assembler2 if pair.slave.dim == 2 else _cpp.Assembler3
@@ -167,7 +172,7 @@ class PairAssembly:
             ringed,
             len(own),
             pair._rule,
-            self.weight,
+            weight,
             _cpp.TraceBasis(nodes.shape[1], powers, coefficients),
             nodes,
             getattr(_cpp.TargetRule, pair.target.kind),
@@ -184,6 +189,8 @@ class PairAssembly:
             slave_dofs,
             self._multiplier_nodes,
             self._layout.local_dofs(self.multiplier_block),
+            refined,
+            pair.axisymmetric,
         )
 
     # -- at the start of a step -----------------------------------------------------------------

@@ -18,6 +18,7 @@ from .rules import (
     Nodes,
     Proximity,
     SeekDirection,
+    Segments,
     Simpson,
     SlaveNormal,
     Smooth,
@@ -44,7 +45,7 @@ class ContactPair:
             "facet"
         crease: angle in degrees; where facets of a surface meet at a sharper edge in the reference
             configuration, their normals are not averaged
-        integration: Simpson(n), Gauss(degree), Lobatto(points) or Nodes()
+        integration: Simpson(n), Segments(degree), Gauss(degree), Lobatto(points) or Nodes()
         pressure_space: family and degree of λ on the slave's facets: "Lagrange" 1 or 2, "DG" 0 to 2
         friction_space: family and degree of the friction semi-multiplier Λ; None: those of the
             pressure
@@ -82,7 +83,7 @@ class ContactPair:
         friction: float = 0.0,
         target: Smooth | Proximity | SeekDirection | SlaveNormal = Smooth(),
         normals: str | None = None,
-        integration: Simpson | Gauss | Lobatto | Nodes = Simpson(1),
+        integration: Simpson | Segments | Gauss | Lobatto | Nodes = Simpson(1),
         pressure_space: tuple[str, int] = ("Lagrange", 1),
         friction_space: tuple[str, int] | None = None,
         exclude: tuple[Any, Any] | None = None,
@@ -116,10 +117,15 @@ class ContactPair:
             self._check()
             self._psi = self._basis("pressure_space")
             self._phi = self._basis("friction_space")
+            if isinstance(integration, Segments):
+                integration = self.integration = self._fitted(integration)
             self._rule = integration.rule(slave.shape, self._psi)
-            check_determined(integration, self._rule, self._psi)
+            points = self._rule.points
+            if integration.refined:
+                points = integration.points(slave.shape, self._rule)
+            check_determined(integration, points, self._psi)
             if self.frictional:
-                check_determined(integration, self._rule, self._phi)
+                check_determined(integration, points, self._phi)
         self.exclude = None if exclude is None else self._check_exclude(exclude)
         V = compat.function_space(slave.mesh, tuple(pressure_space))
         self.pressure = fem.Function(V, name="pressure")
@@ -149,10 +155,10 @@ class ContactPair:
                 f"ContactPair: target is {self.target!r}; give Smooth(), Proximity(),"
                 " SeekDirection(e) or SlaveNormal()."
             )
-        if not isinstance(self.integration, (Simpson, Gauss, Lobatto, Nodes)):
+        if not isinstance(self.integration, (Simpson, Segments, Gauss, Lobatto, Nodes)):
             raise InputError(
                 f"ContactPair: integration is {self.integration!r}; give Simpson(n),"
-                " Gauss(degree), Lobatto(points) or Nodes()."
+                " Segments(degree), Gauss(degree), Lobatto(points) or Nodes()."
             )
         if slave.dim != master.dim:
             raise InputError(
@@ -251,6 +257,16 @@ class ContactPair:
                 ' carry ("Lagrange", 1), ("Lagrange", 2), ("DG", 0), ("DG", 1), ("DG", 2).'
             ) from None
 
+    def _fitted(self, integration: Segments) -> Segments:
+        surfaces = [s for s in (self.slave, self.master) if isinstance(s, Surface)]
+        spaces = [self.pressure_space] + [self.friction_space] * self.frictional
+        return integration.fitted(
+            [s.shape for s in surfaces],
+            max(s.reference["displacement"]["degree"] for s in surfaces),
+            max(int(space[1]) for space in spaces),
+            self.axisymmetric,
+        )
+
     # -- results of the last accepted solution --------------------------------------------------
 
     def _accept(self, contact: Any) -> None:
@@ -259,8 +275,10 @@ class ContactPair:
         assembler = contact.assembler
         self.pressure.x.array[:] = 0.0 - self._multiplier.x.array
         self._accepted = {**assembler.particles(), "slave": assembler.slave.x[: assembler.own]}
+        self._dissipated = assembler.dissipated()
         if self.frictional:
-            contact.friction_projection(_tangential(self._accepted), self.friction)
+            table = self._accepted
+            contact.friction_projection(table, _tangential(table), self.friction)
 
     def _solved(self) -> dict[str, Any]:
         """Columns of the particles; "slave": current positions of the slave's position nodes."""
@@ -288,8 +306,8 @@ class ContactPair:
 
     def dissipated_energy(self) -> float:
         """Energy that friction has dissipated in all accepted steps [energy]. Collective."""
-        table = self._solved()
-        return float(self.comm.allreduce(table["weight"] @ table["dissipated"]))
+        self._solved()
+        return float(self.comm.allreduce(self._dissipated))
 
     def contact_area(self) -> float:
         """Reference area of the closed particles [area; length in 2D]. Collective."""
@@ -318,7 +336,8 @@ class Particles:
         normal: normal at the target, pointing away from the slave, nan without a target
         traction: contact traction on the slave, friction included [force/reference area]
         friction: its tangential part
-        dissipated: by friction in all steps [energy/reference area]
+        dissipated: by friction in all steps [energy/reference area]; particles that move on the
+            slave (Segments) have what the nearest ones had
         weight: its part of the slave's reference area [area]
         facet, target_facet: numbers of its facet and of its target's (−1: none), which do not
             depend on the partition

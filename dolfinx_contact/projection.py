@@ -9,30 +9,36 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from . import _cpp, compat
+from . import compat
 from .held import local_dofs
+from .rules import Gauss, basis_values
+
+_DEGREE = 8  # of a Gauss rule: products of functions of degree 2 on quadrilaterals
 
 
 class Projection:
     """L2 projection by the particles' rule: Σ_p w_p φ_A (f − t_p) = 0 for all A.
 
-    The resultant of f is that of the particles' values, and nothing depends on the partition. The
-    construction is collective.
+    Where particles move, ∫ φ_A f dΓ is by a Gauss rule of its own. The resultant of f is that of the
+    particles' values, and nothing depends on the partition. The construction is collective.
 
     Args:
         pair: whose particles they are
         function: of the space to project on; not changed
         basis: φ on a facet: powers, coefficients, nodes
-        weight: of the particles, (facets × particles,) [area]
+        surface: this rank's own slave facets
     """
 
-    def __init__(self, pair: Any, function: Any, basis: Any, weight: npt.NDArray[np.float64]):
+    def __init__(self, pair: Any, function: Any, basis: Any, surface: Any):
         dofmap = function.function_space.dofmap
         nodes = len(basis[2])
-        powers, coefficients, points = basis
-        polynomials = _cpp.TraceBasis(points.shape[1], powers, coefficients)
-        self._phi = np.array([polynomials.values(xi) for xi in pair._rule.points])
-        self._weight = np.asarray(weight).reshape(-1, len(self._phi))
+        shape, self._basis = pair.slave.shape, basis
+        integration, rule = pair.integration, pair._rule
+        if integration.refined:
+            integration = Gauss(_DEGREE)
+            rule = integration.rule(shape, pair._psi)
+        weight = integration.weights(surface, shape, rule, pair._psi, pair.axisymmetric)
+        phi = basis_values(basis, rule.points)
         local = local_dofs(pair, function, nodes)
         self._dofs = compat.global_indices(dofmap.index_map)[local].astype(PETSc.IntType)
         self._owned = dofmap.index_map.size_local
@@ -40,7 +46,7 @@ class Projection:
         matrix = PETSc.Mat().createAIJ((size, size), comm=pair.comm)
         matrix.setUp()
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        masses = np.einsum("fp,pa,pb->fab", self._weight, self._phi, self._phi)
+        masses = np.einsum("fp,pa,pb->fab", weight, phi, phi)
         for dofs, mass in zip(self._dofs, masses):
             matrix.setValues(dofs, dofs, mass, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
@@ -51,16 +57,18 @@ class Projection:
         self._solver.getPC().setType("jacobi")
         self._solver.setTolerances(rtol=1e-13)
 
-    def __call__(self, values: npt.NDArray[np.float64], out: Any) -> None:
+    def __call__(self, table: Any, values: npt.NDArray[np.float64], out: Any) -> None:
         """Project. Collective.
 
         Args:
+            table: columns of the particles: "row" of the facet, "xi", "weight"
             values: at the particles, (particles, components)
             out: Function of the space
         """
         components = values.shape[1]
-        at = values.reshape(*self._weight.shape, components)
-        loads = np.einsum("fp,pa,fpi->fai", self._weight, self._phi, at)
+        phi = basis_values(self._basis, table["xi"]) * table["weight"][:, None]
+        loads = np.zeros((*self._dofs.shape, components))
+        np.add.at(loads, table["row"], phi[:, :, None] * values[:, None, :])
         result = out.x.array.reshape(-1, components)
         for i in range(components):
             self._b.set(0.0)

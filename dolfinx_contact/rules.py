@@ -7,7 +7,7 @@ européenne des éléments finis 11 (2002), sections 3 and 4 of the formulation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Callable, Sequence
 
 import numpy as np
@@ -164,6 +164,8 @@ def _check_search(rule: Any) -> None:
 class _Quadrature:
     """Rules whose particles carry the weights of a quadrature on the reference facet."""
 
+    refined = False
+
     def weights(self, slave: Any, shape: str, rule: Any, psi: Any, axisymmetric: bool) -> Any:
         """Reference measure of each particle, (facets, particles)."""
         return _cpp.particle_weights(slave, rule, axisymmetric)
@@ -245,6 +247,8 @@ class Lobatto(_Quadrature):
 class Nodes:
     """The nodes of the pressure space, with lumped weights ∫ ψ_a dΓ."""
 
+    refined = False
+
     def rule(self, shape: str, psi: Any) -> Any:
         """Nodes on the reference facet, and ∫ ψ_a there.
 
@@ -252,7 +256,7 @@ class Nodes:
             InputError: pressures of degree 2 on triangles, where ∫ ψ_a dΓ = 0 at the vertices
         """
         points, weights = compat.quadrature(shape, 4)
-        lumped = weights @ _values(psi, points)
+        lumped = weights @ basis_values(psi, points)
         if lumped.min() < 1e-12:
             raise InputError(
                 "Nodes: a nodal rule with pressures of degree 2 on triangles has particles without"
@@ -277,23 +281,83 @@ class Nodes:
         return out
 
 
-def _values(psi: Any, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Pressure basis at points of the reference facet, (points, nodes)."""
+@dataclass(frozen=True)
+class Segments:
+    """Exact integration on the common refinement of slave facets and projected master facets.
+
+    Neither side of the integrals has a node or an edge inside a cell of the refinement: an interval
+    in 2D, a convex polygon in 3D. Each cell gets a Gauss rule, on a polygon one for each triangle
+    that it is cut into. Non-matching meshes then pass the patch test to round-off. The cells follow
+    the surfaces; what the master does not cover is a cell too.
+
+    The tangent holds the cells: where the integrand is continuous, as with interpolated normals,
+    their motion changes no exact integral.
+
+    Args:
+        degree: of the polynomials that are integrated exactly on each cell, from 1 to 20; None:
+            what affine facets need, λ·⟦w⟧ and λ·λ*
+
+    Raises:
+        InputError: any other degree
+    """
+
+    degree: int | None = None
+    refined = True
+
+    def __post_init__(self) -> None:
+        d = self.degree
+        if d is not None and (not isinstance(d, int) or not 1 <= d <= 20):
+            raise InputError(f"Segments: degree is {d!r}; give an integer from 1 to 20, or None.")
+
+    def fitted(
+        self, shapes: Sequence[str], displacement: int, multiplier: int, axisymmetric: bool
+    ) -> Segments:
+        """This rule, with a degree where none is given.
+
+        Args:
+            shapes: of the slave's and the master's facets
+            displacement, multiplier: the highest degrees
+            axisymmetric: R is in the integrals
+        """
+        if self.degree is not None:
+            return self
+        # a bilinear function is of degree 2 along a diagonal
+        each = 2 if "quadrilateral" in shapes else 1
+        degree = each * (multiplier + max(displacement, multiplier)) + axisymmetric
+        return replace(self, degree=degree)
+
+    def rule(self, shape: str, psi: Any) -> Any:
+        """Points and weights on the reference interval or triangle, for each simplex of a cell."""
+        simplex = "interval" if shape == "interval" else "triangle"
+        return _cpp.ParticleRule(*compat.quadrature(simplex, self.degree))
+
+    def points(self, shape: str, rule: Any) -> npt.NDArray[np.float64]:
+        """Particles of a reference facet that is one cell."""
+        if shape != "quadrilateral":
+            return rule.points
+        return np.concatenate([rule.points, 1.0 - rule.points])
+
+
+def basis_values(psi: Any, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """A facet's basis at points of the reference facet, (points, nodes)."""
     powers, coefficients, _ = psi
     return np.prod(points[:, None, :] ** powers[None], axis=2) @ coefficients.T
 
 
-def check_determined(integration: Any, rule: Any, psi: Any) -> None:
+def check_determined(integration: Any, points: npt.NDArray[np.float64], psi: Any) -> None:
     """Refuse a rule whose particles do not determine the pressure on a facet.
 
     With Ψ_pa = ψ_a(ξ_p), (F2) has the rows Ψᵀ(…): if the rank of Ψ is less than the number of ψ_a,
     some pressure is zero at all particles, its rows are null and the system is singular.
 
+    Args:
+        points: particles of a facet
+
     Raises:
         InputError: the rank is too small
     """
-    points, nodes = rule.points, psi[2]
-    rank = np.linalg.matrix_rank(_values(psi, points), tol=1e-10)
+    nodes = psi[2]
+    rank = np.linalg.matrix_rank(basis_values(psi, points), tol=1e-10)
     if rank < len(nodes):
         raise InputError(
             f"{integration}: {len(points)} particles a facet determine {rank} of the {len(nodes)}"

@@ -54,7 +54,8 @@ def _ingredients(u: fem.Function, E: float, nu: float) -> tuple[Any, ...]:
     mesh = u.function_space.mesh
     mu = constant(mesh, E / (2 * (1 + nu)))
     lmbda = constant(mesh, E * nu / ((1 + nu) * (1 - 2 * nu)))
-    dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2})
+    degree = compat.lagrange_degree(u.function_space)  # fewer points leave hourglasses
+    dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 2 * degree})
     return ufl.TestFunction(u.function_space), mu, lmbda, dx
 
 
@@ -130,13 +131,17 @@ class Material:
 
 
 def one_mesh(
-    comm: MPI.Comm, halves: list[Half], material: Material, partition: Any = None
+    comm: MPI.Comm,
+    halves: list[Half],
+    material: Material,
+    partition: Any = None,
+    degree: int = 1,
 ) -> Model:
-    """The bodies in one mesh, moved by one displacement."""
+    """The bodies in one mesh, moved by one displacement of a degree."""
     mesh, body = meshes.create(comm, [half.body for half in halves], partition)
     faces = {tag: (f, i) for i, half in enumerate(halves) for tag, f in half.faces.items()}
     tags = meshes.tag_facets(mesh, faces, body)
-    u = fem.Function(compat.vector_space(mesh, 1), name="displacement")
+    u = fem.Function(compat.vector_space(mesh, degree), name="displacement")
     V, driven, bcs = u.function_space, {}, []
     for tag, displacement in {t: d for half in halves for t, d in half.held.items()}.items():
         driven[tag] = [None if value is None else constant(mesh, value) for value in displacement]
@@ -149,10 +154,14 @@ def one_mesh(
 
 
 def two_meshes(
-    comm: MPI.Comm, halves: list[Half], material: Material, partition: Any = None
+    comm: MPI.Comm,
+    halves: list[Half],
+    material: Material,
+    partition: Any = None,
+    degree: int = 1,
 ) -> list[Model]:
     """Each body in a mesh of its own, moved by its own displacement."""
-    return [one_mesh(comm, [half], material, partition) for half in halves]
+    return [one_mesh(comm, [half], material, partition, degree) for half in halves]
 
 
 def block_halves(

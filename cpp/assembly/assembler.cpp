@@ -20,14 +20,15 @@ Assembler<D>::Assembler(Surface slave, int own, Particles particles, PairOptions
     , _multiplier_dofs(std::move(multiplier_dofs))
     , _multiplier_local(std::move(multiplier_local))
     , _slave_normals(_slave, _options.crease)
+    , _first_normals(_slave_normals)
 {
-  const std::size_t n = _own, np = _particles.rule.size();
+  const std::size_t n = _own, np = _particles.refined ? 0 : _particles.rule.size();
   const std::size_t nl = _particles.multiplier.nodes(), nd = _particles.direction.size();
   const Rules& rules = _options.rules;
   const bool along = rules.target == TargetRule::direction;
   if (_own > _slave.size() or _slave_dofs.size() != _slave.node_table.size() * D
       or _multiplier_local.size() != n * nl or _particles.weight.size() != n * np
-      or nd != (along and not rules.turning ? n * (np + num_nodes()) * D : 0))
+      or nd != (along and not rules.turning ? n * (num_directions() + num_nodes()) * D : 0))
     throw std::invalid_argument("Assembler: tables of the slave surface do not match");
   if ((rules.turning or rules.normal == NormalRule::direction) and not along)
     throw std::invalid_argument("Assembler: only a seek direction can turn, or be the normal");
@@ -40,24 +41,13 @@ Assembler<D>::Assembler(Surface slave, int own, Particles particles, PairOptions
   // facets.
   if (_options.rules.normal != NormalRule::facet)
     _options.search.margin = _options.rubbing ? 1e-4 : 0;
-  _states.resize(n * np);
-  _accepted = _states;
-  _position.resize(np);
-  _displacement.resize(np);
-  _psi.resize(np * nl);
-  for (std::size_t p = 0; p < np; ++p)
-  {
-    const double* xi = &_particles.rule.points[p * (D - 1)];
-    _slave.ref.position.tabulate(xi, _position[p]);
-    _slave.ref.displacement.tabulate(xi, _displacement[p]);
-    _particles.multiplier.values(xi, &_psi[p * nl]);
-  }
+  lay_out();
 }
 
 template <int D>
 void Assembler<D>::set_friction(FrictionSpace<D> friction)
 {
-  const std::size_t np = _particles.rule.size(), nf = friction.nodes(), Q = D - 1;
+  const std::size_t nf = friction.nodes(), Q = D - 1;
   if (friction.local.size() != _own * nf or friction.tangent.size() != friction.dofs.size()
       or std::any_of(friction.local.begin(), friction.local.end(),
                      [&](std::int32_t a) { return a < 0 or (a + 1) * Q > friction.dofs.size(); }))
@@ -65,10 +55,8 @@ void Assembler<D>::set_friction(FrictionSpace<D> friction)
   if (friction.dofs != _friction.dofs) // other rows than before: the matrix has no place for them
     _pattern.clear();
   _friction = std::move(friction);
-  _phi.resize(np * nf);
-  for (std::size_t p = 0; p < np; ++p)
-    if (nf > 0)
-      _friction.basis.values(&_particles.rule.points[p * Q], &_phi[p * nf]);
+  for (std::size_t p = 0; p < _samples.size(); ++p)
+    tabulate(&_particles.rule.points[p * Q], _samples[p]);
 }
 
 template <int D>
@@ -86,43 +74,12 @@ double Assembler<D>::near(int f, double close) const
 }
 
 template <int D>
-void Assembler<D>::begin_step(double close)
-{
-  _frozen = {};
-  const int np = _particles.rule.size();
-  for (int f = 0; f < _own; ++f)
-  {
-    const double touching = near(f, close);
-    for (int p = 0; p < np; ++p)
-    {
-      State &s = _states[f * np + p], &kept = _accepted[f * np + p];
-      s.changes = 0;
-      if (not _options.rubbing)
-        continue;
-      // `restore` comes back into the step that begins here
-      s.touched = kept.touched = kept.closed or s.gap > touching;
-      s.n0 = kept.n0
-          = -_slave_normals.at(_slave, f, &_particles.rule.points[p * (D - 1)]).M.normalized();
-    }
-  }
-}
-
-template <int D>
 void Assembler<D>::set_law(const ContactLaw& law, const Scales& scale)
 {
   _options.law = law;
   _options.scale = scale;
-  for (State& s : _states)
+  for (State& s : _now.states)
     s.changes = 0;
-}
-
-template <int D>
-void Assembler<D>::accept()
-{
-  for (State& s : _states)
-    if (s.friction.acts)
-      s.dissipated -= _options.law.friction * s.friction.limit * s.friction.p.dot(s.slip);
-  _accepted = _states;
 }
 
 // Find the targets' facets again by their global numbers; both lists of facets are sorted by them.
@@ -144,9 +101,8 @@ void Assembler<D>::set_master(Surface master, std::vector<PetscInt> dofs)
 {
   if (dofs.size() != master.node_table.size() * D)
     throw std::invalid_argument("Assembler: master_dofs must have one row for each node");
-  carry_over(_states, master);
-  carry_over(_accepted, master);
-  carry_over(_marked, master);
+  for (Cloud* cloud : {&_now, &_accepted, &_marked})
+    carry_over(cloud->states, master);
   _master = std::move(master);
   _master_dofs = std::move(dofs);
   _search = Search<D>(_master, _options.search);
@@ -179,7 +135,36 @@ void Assembler<D>::neighbours()
   }
 }
 
+// Points of a facet at which the direction is given, beside the nodes of ψ.
+template <int D>
+int Assembler<D>::num_directions() const
+{
+  return _particles.refined ? _slave.np() : _particles.rule.size();
+}
+
+// The given direction e.
+// @param point a node of ψ, or −1 and less: particle −1 − point
+template <int D>
+Vector<D> Assembler<D>::given_direction(int f, const BasisValues& position, int point) const
+{
+  const int n = num_directions();
+  auto at = [&](int i)
+  {
+    const std::size_t first = (static_cast<std::size_t>(f) * (n + num_nodes()) + i) * D;
+    return Eigen::Map<const Vector<D>>(&_particles.direction[first]);
+  };
+  if (point >= 0)
+    return at(n + point);
+  if (not _particles.refined)
+    return at(-1 - point);
+  Vector<D> e = Vector<D>::Zero();
+  for (int a = 0; a < n; ++a)
+    e += position.N[a] * at(a);
+  return e.normalized();
+}
+
 // A particle, or a node of ψ, in search of its target.
+// @param point see given_direction
 template <int D>
 Seeker<D> Assembler<D>::seeker(int f, const BasisValues& position, const double* xi,
                                int point) const
@@ -188,14 +173,12 @@ Seeker<D> Assembler<D>::seeker(int f, const BasisValues& position, const double*
   Seeker<D> out;
   out.x = p.x;
   out.outward = -double(_slave.sigma[f]) * p.area_vector().normalized();
-  const int points = _particles.rule.size() + num_nodes();
   if (turns_smoothly())
     out.e = -_slave_normals.at(_slave, f, xi).M.normalized();
   else if (_options.rules.turning)
     out.e = out.outward;
   else if (not _particles.direction.empty())
-    out.e = Eigen::Map<const Vector<D>>(
-        &_particles.direction[(static_cast<std::size_t>(f) * points + point) * D]);
+    out.e = given_direction(f, position, point);
   return out;
 }
 
@@ -231,79 +214,6 @@ void Assembler<D>::seek(const Seeker<D>& seeker, State& s) const
   s.n = k.n;
 }
 
-// Where a particle is against its target if targets and normals are held: what has happened since
-// then is the difference of positions.
-template <int D>
-void Assembler<D>::stay(int f, int particle, State& s) const
-{
-  s.x = evaluate<D>(_slave.facet_x(f), _slave.np(), _position[particle], false).x;
-  s.slip.setZero();
-  s.gap = -INFINITY;
-  if (s.target.facet < 0)
-    return;
-  const Vector<D> y
-      = _tool ? s.y0 : FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false).x;
-  const Vector<D> r = s.x - y;
-  s.gap = r.dot(s.n);
-  if (_friction.nodes() > 0)
-    s.slip = s.slip0 + r - s.r0; // if it is closed
-}
-
-template <int D>
-void Assembler<D>::freeze(Frozen frozen)
-{
-  const int np = _particles.rule.size();
-  for (std::size_t i = 0; i < _states.size(); ++i)
-  {
-    State& s = _states[i];
-    if (frozen.threshold and not _frozen.threshold)
-      s.threshold = s.lambda;
-    if (frozen.status and not _frozen.status)
-    {
-      s.acts = s.friction.acts;
-      s.slips = s.friction.slips;
-    }
-    if (frozen.geometry and not _frozen.geometry and s.target.facet >= 0)
-    {
-      const int f = static_cast<int>(i) / np, p = static_cast<int>(i) % np;
-      s.y0 = _tool ? Vector<D>(s.x - s.gap * s.n)
-                   : FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false).x;
-      s.r0 = s.x - s.y0;
-      s.slip0 = _friction.nodes() > 0 ? slip(s, f, p) : Vector<D>(Vector<D>::Zero());
-    }
-  }
-  _frozen = frozen;
-}
-
-template <int D>
-void Assembler<D>::glue(double pressure)
-{
-  for (State& s : _states)
-  {
-    s.threshold = -pressure;
-    s.acts = s.closed;
-    s.slips = false;
-  }
-}
-
-// (F3) at a particle, with the status and the limit that are held.
-template <int D>
-Friction<D> Assembler<D>::friction(const State& s) const
-{
-  const ContactLaw law = this->law(s);
-  const double limit = _frozen.threshold ? s.threshold
-                       : law.continuous  ? pressed(law, s.lambda, s.gap)
-                                         : s.lambda;
-  if (not s.closed or not(_frozen.status ? s.acts : s.touched and rubs(law, s.closed, limit)))
-    return {};
-  std::optional<bool> status;
-  if (_frozen.status)
-    status = s.slips;
-  Friction<D> f(law, limit, s.n0, s.n, s.Lambda, s.slip, status);
-  f.frozen = _frozen.threshold;
-  return f;
-}
-
 template <int D>
 Changes Assembler<D>::update(const Unknowns& u, double close)
 {
@@ -321,30 +231,34 @@ Changes Assembler<D>::update(const Unknowns& u, double close)
       _normals.update(_master);
   }
 
-  const int np = _particles.rule.size(), nl = _particles.multiplier.nodes();
-  const int nf = _friction.nodes(), Q = D - 1;
+  if (_particles.refined and not _frozen.geometry)
+    refine();
+
+  const int nl = _particles.multiplier.nodes(), nf = _friction.nodes(), Q = D - 1;
   Changes changes;
+  Sample buffer;
   for (int f = 0; f < _own; ++f)
   {
     const double touching = near(f, close);
-    for (int p = 0; p < np; ++p)
+    for (int p = _now.offset[f]; p < _now.offset[f + 1]; ++p)
     {
-      State& s = _states[f * np + p];
+      State& s = _now.states[p];
+      const Sample& here = sample(s, buffer);
       s.lambda = 0;
       for (int a = 0; a < nl; ++a)
-        s.lambda += _psi[p * nl + a] * u.lambda[_multiplier_local[f * nl + a]];
+        s.lambda += here.psi[a] * u.lambda[_multiplier_local[f * nl + a]];
       s.Lambda.setZero();
       for (int a = 0; a < nf; ++a)
         for (int i = 0; i < Q; ++i)
         {
           const int dof = _friction.local[f * nf + a] * Q + i;
-          s.Lambda += _phi[p * nf + a] * u.Lambda[dof] * _friction.tangent[dof];
+          s.Lambda += here.phi[a] * u.Lambda[dof] * _friction.tangent[dof];
         }
 
       if (_frozen.geometry)
-        stay(f, p, s);
+        stay(here.position, s);
       else
-        seek(seeker(f, _position[p], &_particles.rule.points[p * Q], p), s);
+        seek(seeker(f, here.position, s.xi.data(), _now.offset[f] - p - 1), s);
       const bool was = s.closed;
       s.closed
           = std::isfinite(s.gap)
@@ -357,7 +271,7 @@ Changes Assembler<D>::update(const Unknowns& u, double close)
       if (not s.closed)
         s.slip.setZero();
       else if (not _frozen.geometry)
-        s.slip = slip(s, f, p);
+        s.slip = slip(s, here.position);
       const Friction<D> before = s.friction;
       s.friction = friction(s);
       if (before.acts and s.friction.acts)
@@ -371,16 +285,16 @@ Changes Assembler<D>::update(const Unknowns& u, double close)
 }
 
 template <int D>
-Vector<D> Assembler<D>::old_position(int f, int particle) const
+Vector<D> Assembler<D>::old_position(const State& s, const BasisValues& position) const
 {
-  return evaluate<D>(_slave.facet_x_old(f), _slave.np(), _position[particle], false).x;
+  return evaluate<D>(_slave.facet_x_old(s.facet), _slave.np(), position, false).x;
 }
 
 // ⟦Δu⟧ of a particle with a target.
 template <int D>
-Vector<D> Assembler<D>::slip(const State& s, int f, int particle) const
+Vector<D> Assembler<D>::slip(const State& s, const BasisValues& position) const
 {
-  const Vector<D> x_old = old_position(f, particle);
+  const Vector<D> x_old = old_position(s, position);
   if (_tool)
     return _tool->slip(s.x, x_old);
   BasisValues b;
@@ -401,15 +315,16 @@ Slip<D> Assembler<D>::slip_at(const State& s, const FacetPoint<D>& p, const Basi
 }
 
 // All variations of a closed particle's target.
+// @param position basis of the slave's positions at the particle
 // @param b basis of the master's positions at the target, with second derivatives
 template <int D>
-Kinematics<D> Assembler<D>::kinematics(const State& s, int f, int particle,
+Kinematics<D> Assembler<D>::kinematics(const State& s, const BasisValues& position,
                                        const BasisValues& b) const
 {
   if (_frozen.geometry)
     return Kinematics<D>::fixed(s.n, s.gap, s.slip);
   const bool rubbing = _friction.nodes() > 0;
-  const Vector<D> x_old = rubbing ? old_position(f, particle) : s.x;
+  const Vector<D> x_old = rubbing ? old_position(s, position) : s.x;
   if (_tool)
     return _tool->linearise(s.x, x_old);
   const int t = s.target.facet;
@@ -456,7 +371,7 @@ auto Assembler<D>::nodes() const -> std::vector<Node>
       BasisValues b;
       _slave.ref.position.tabulate(xi, b);
       State there;
-      seek(seeker(f, b, xi, _particles.rule.size() + a), there);
+      seek(seeker(f, b, xi, a), there);
       Node node;
       node.has_target = there.target.facet >= 0;
       node.n = there.n;

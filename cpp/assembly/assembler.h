@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "../integration/particle_rule.h"
+#include "../integration/segments.h"
 #include "../mechanics/coupling.h"
 #include "../targets/rigid_tool.h"
 
@@ -13,16 +13,27 @@
 namespace dolfinx_contact
 {
 
-/// Particles of the slave surface: fixed points of its facets.
+/// Particles of the slave surface: fixed points of its facets, or those of its common refinement
+/// with the master, which move on the slave while the surfaces do.
 struct Particles
 {
-  ParticleRule rule;
-  std::vector<double> weight; ///< reference measure of each, (facets, particles)
+  ParticleRule rule;          ///< on the reference facet; if `refined` on the reference simplex
+  std::vector<double> weight; ///< reference measure of each, (facets, particles); none if `refined`
   TraceBasis multiplier;      ///< basis ψ of the multiplier on a facet
   std::vector<double> nodes;  ///< of the multipliers, on the reference facet, (nodes, D − 1)
   /// Unit direction e of (F5) at the particles and at `nodes`, (facets, particles + nodes, D);
-  /// empty where there is none, or where it is the slave's normal
+  /// empty where there is none, or where it is the slave's normal. If `refined` at the nodes of the
+  /// position basis in place of the particles, which interpolates it
   std::vector<double> direction;
+  bool refined = false;
+  bool axisymmetric = false; ///< if `refined`: weights have a factor 2πR
+};
+
+/// Bases at a particle.
+struct Sample
+{
+  BasisValues position, displacement;                  ///< of the slave
+  std::array<double, BasisValues::max_nodes> psi, phi; ///< of the multiplier and of friction
 };
 
 /// Friction unknowns of a pair: Λ = Σ_a φ_a t_aα Λ_aα.
@@ -163,6 +174,9 @@ public:
   /// State of one particle after `update`.
   struct State
   {
+    int facet = 0;                            ///< of the slave
+    Vector<D - 1> xi = Vector<D - 1>::Zero(); ///< where on it
+    double weight = 0;                        ///< its part of the reference measure
     Target<D> target;
     double lambda = 0;                    ///< multiplier, negative in compression
     double gap = -INFINITY;               ///< d_n, negative if open; −∞ without a target
@@ -192,20 +206,23 @@ public:
   /// and where it has come from says nothing about friction.
   /// @param close as for `update`
   void begin_step(double close);
-  const std::vector<State>& states() const { return _states; }
+  const std::vector<State>& states() const { return _now.states; }
+
+  /// Energy that friction has dissipated on this rank, up to the last accepted step.
+  double dissipated() const { return _dissipated; }
 
   /// The step is done: add what friction has dissipated, and keep the states to come back to after
   /// a failed solve. Once for each accepted step, before `remember`.
   void accept();
 
   /// Keep the present states for `recall`: evaluations in between leave no trace.
-  void mark() { _marked = _states; }
-  void recall() { _states = _marked; }
+  void mark() { _marked = _now; }
+  void recall() { _now = _marked; }
 
   /// The states of the last `accept`.
   void restore()
   {
-    _states = _accepted;
+    _now = _accepted;
     _frozen = {};
   }
 
@@ -236,23 +253,47 @@ public:
   }
 
 private:
+  /// Particles facet by facet: those of f are states[offset[f]] to states[offset[f + 1] − 1].
+  struct Cloud
+  {
+    std::vector<int> offset;
+    std::vector<State> states;
+    std::span<const State> of(int f) const
+    {
+      return std::span(states).subspan(offset[f], offset[f + 1] - offset[f]);
+    }
+    std::span<State> of(int f)
+    {
+      return std::span(states).subspan(offset[f], offset[f + 1] - offset[f]);
+    }
+  };
+
   template <typename Visit>
   void for_each_pair(int facet, Visit visit) const;
-  CouplingBasis<D> basis(int facet, int particle, std::vector<Vector<D>>& tangent) const;
+  CouplingBasis<D> basis(const State& s, const Sample& sample,
+                         std::vector<Vector<D>>& tangent) const;
+  void lay_out();
+  void refine();
+  Vector<D> first_normal(const State& s) const;
+  static const State* nearest(const Cloud& cloud, const State& s);
+  const Sample& sample(const State& s, Sample& buffer) const;
+  void tabulate(const double* xi, Sample& out) const;
   void dofs_of(int facet, int target, std::vector<PetscInt>& dofs) const;
   void neighbours();
   int num_nodes() const { return static_cast<int>(_particles.nodes.size()) / (D - 1); }
+  int num_directions() const;
+  Vector<D> given_direction(int facet, const BasisValues& position, int point) const;
   Seeker<D> seeker(int facet, const BasisValues& position, const double* xi, int point) const;
   void seek(const Seeker<D>& seeker, State& s) const;
-  void stay(int facet, int particle, State& s) const;
+  void stay(const BasisValues& position, State& s) const;
   double near(int facet, double close) const;
-  Vector<D> slip(const State& s, int facet, int particle) const;
+  Vector<D> slip(const State& s, const BasisValues& position) const;
   Slip<D> slip_at(const State& s, const FacetPoint<D>& target, const BasisValues& b,
                   const Vector<D>& x_old) const;
   Friction<D> friction(const State& s) const;
-  Vector<D> old_position(int facet, int particle) const;
+  Vector<D> old_position(const State& s, const BasisValues& position) const;
 
-  Kinematics<D> kinematics(const State& s, int facet, int particle, const BasisValues& b) const;
+  Kinematics<D> kinematics(const State& s, const BasisValues& position, const BasisValues& b) const;
   bool interpolated() const { return _options.rules.normal == NormalRule::interpolated; }
   bool turns_smoothly() const { return _options.rules.turning and not _options.slave_facets; }
   const NodalNormals<D>* normals() const { return interpolated() ? &_normals : nullptr; }
@@ -274,11 +315,12 @@ private:
   std::vector<std::int32_t> _multiplier_local;
   FrictionSpace<D> _friction;
 
-  std::vector<BasisValues> _position, _displacement; // slave bases at the particles
-  std::vector<double> _psi, _phi;                    // (particles, nodes of ψ), (…, nodes of φ)
+  std::vector<Sample> _samples; // at the particles of a facet, unless they move
   Search<D> _search;
-  NodalNormals<D> _normals, _slave_normals;       // of the master if interpolated, of the slave
-  std::vector<State> _states, _accepted, _marked; // (own facets, particles)
+  NodalNormals<D> _normals, _slave_normals; // of the master if interpolated, of the slave
+  NodalNormals<D> _first_normals;           // of the slave as the step began
+  Cloud _now, _accepted, _marked;
+  double _dissipated = 0;
   std::vector<std::int32_t> _near_offset,
       _near; // facets that share a vertex with each master facet
   std::vector<std::vector<std::int64_t>> _pattern; // global numbers of targets in the pattern

@@ -6,27 +6,29 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 
 namespace dolfinx_contact
 {
 
 template <int D>
-CouplingBasis<D> Assembler<D>::basis(int f, int p, std::vector<Vector<D>>& tangent) const
+CouplingBasis<D> Assembler<D>::basis(const State& s, const Sample& sample,
+                                     std::vector<Vector<D>>& tangent) const
 {
   constexpr int Q = D - 1;
   CouplingBasis<D> b;
-  b.N = _displacement[p].N;
+  b.N = sample.displacement.N;
   b.slave = _slave.nu();
   b.multiplier = _particles.multiplier.nodes();
-  b.psi = &_psi[p * b.multiplier];
+  b.psi = sample.psi.data();
   b.friction = _friction.nodes();
   if (b.friction > 0)
   {
-    b.phi = &_phi[p * b.friction];
+    b.phi = sample.phi.data();
     tangent.clear();
     for (int a = 0; a < b.friction; ++a)
       for (int i = 0; i < Q; ++i)
-        tangent.push_back(_friction.tangent[_friction.local[f * b.friction + a] * Q + i]);
+        tangent.push_back(_friction.tangent[_friction.local[s.facet * b.friction + a] * Q + i]);
     b.tangent = tangent.data();
   }
   return b;
@@ -62,15 +64,11 @@ template <int D>
 template <typename Visit>
 void Assembler<D>::for_each_pair(int facet, Visit visit) const
 {
-  const int np = _particles.rule.size();
-  auto target = [&](int p)
-  {
-    const State& s = _states[facet * np + p];
-    return s.closed ? s.target.facet : -1;
-  };
+  const std::span<const State> states = _now.of(facet);
+  const int np = static_cast<int>(states.size());
+  auto target = [&](int p) { return states[p].closed ? states[p].target.facet : -1; };
   std::vector<int> order(np);
-  for (int p = 0; p < np; ++p)
-    order[p] = p;
+  std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(),
             [&](int a, int b) { return std::pair(target(a), a) < std::pair(target(b), b); });
   for (int begin = 0, end; begin < np; begin = end)
@@ -85,7 +83,7 @@ template <int D>
 void Assembler<D>::residual(::Vec b) const
 {
   check(VecSetOption(b, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE), "VecSetOption");
-  const int np = _particles.rule.size();
+  Sample buffer;
   std::vector<PetscInt> dofs;
   std::vector<Vector<D>> tangent;
   PairVector<D> block;
@@ -98,8 +96,8 @@ void Assembler<D>::residual(::Vec b) const
                     block.setZero(dofs.size());
                     for (int p : particles)
                     {
-                      const State& s = _states[f * np + p];
-                      CouplingBasis<D> B = basis(f, p, tangent);
+                      const State& s = _now.of(f)[p];
+                      CouplingBasis<D> B = basis(s, sample(s, buffer), tangent);
                       if (target >= 0 and not _tool)
                       {
                         _master.ref.displacement.tabulate(s.target.xi.data(), M);
@@ -107,8 +105,7 @@ void Assembler<D>::residual(::Vec b) const
                         B.master = _master.nu();
                       }
                       add_residual<D>(B, law(s), s.closed, s.lambda, s.gap, traction_at(s),
-                                      s.Lambda, s.friction, _particles.weight[f * np + p],
-                                      _options.scale, block);
+                                      s.Lambda, s.friction, s.weight, _options.scale, block);
                     }
                     check(VecSetValues(b, dofs.size(), dofs.data(), block.data(), ADD_VALUES),
                           "VecSetValues");
@@ -167,13 +164,14 @@ template <int D>
 template <bool F>
 void Assembler<D>::tangent(Mat A) const
 {
-  const int np = _particles.rule.size(), Q = D - 1;
+  const int Q = D - 1;
   const bool moves = not _tool and not _frozen.geometry;
   const bool field = interpolated() and moves, turns = turns_smoothly() and moves;
   std::vector<PetscInt> dofs, ring;
   std::vector<Vector<D>> tangents;
   PairMatrix<D> block;
   BasisValues P, M;
+  Sample buffer;
   const bool same = _tool or _master.ref.isoparametric();
   FieldSums of_master, of_slave;
   auto insert = [&](const std::vector<PetscInt>& columns, const double* values)
@@ -195,9 +193,10 @@ void Assembler<D>::tangent(Mat A) const
             of_slave.reset(_slave, dofs.size());
           for (int p : particles)
           {
-            const State& s = _states[f * np + p];
-            const double w = _particles.weight[f * np + p];
-            CouplingBasis<D> B = basis(f, p, tangents);
+            const State& s = _now.of(f)[p];
+            const Sample& here = sample(s, buffer);
+            const double w = s.weight;
+            CouplingBasis<D> B = basis(s, here, tangents);
             if (target < 0)
             {
               add_open_tangent<D>(B, this->law(s), w, _options.scale, block);
@@ -211,7 +210,7 @@ void Assembler<D>::tangent(Mat A) const
               B.M = same ? &P : &M;
               B.master = _master.nu();
             }
-            const Kinematics<D> k = kinematics(s, f, p, P);
+            const Kinematics<D> k = kinematics(s, here.position, P);
             const FrictionTangent<D> friction(s.friction);
             const ContactLaw law = this->law(s);
             add_closed_tangent<D, F>(B, law, s.lambda, k, friction, w, _options.scale, block);
@@ -219,7 +218,7 @@ void Assembler<D>::tangent(Mat A) const
             { return field_columns<D, F>(B, law, s.lambda, k, v, friction, w, _options.scale); };
             if (field)
               of_master.add(_master, s.target.xi.data(), columns(k.m));
-            const double* xi = &_particles.rule.points[p * Q];
+            const double* xi = s.xi.data();
             if (turns)
             {
               // e = −M/‖M‖ with the slave's M
@@ -230,13 +229,13 @@ void Assembler<D>::tangent(Mat A) const
             {
               // the slave facet's own normal: δe = Σ_α (∂e/∂τ_α) ∂_α δu¹
               const FacetPoint<D> own
-                  = evaluate<D>(_slave.facet_x(f), _slave.np(), _position[p], false);
+                  = evaluate<D>(_slave.facet_x(f), _slave.np(), here.position, false);
               const FieldColumns<D> e = columns(k.e);
               for (int i = 0; i < Q; ++i)
               {
                 const FieldColumns<D> with = e * normal_of_tangent<D>(own, i, -_slave.sigma[f]);
                 for (int a = 0; a < B.slave; ++a)
-                  block.template middleCols<D>(a * D) += _displacement[p].dN[i][a] * with;
+                  block.template middleCols<D>(a * D) += here.displacement.dN[i][a] * with;
               }
             }
           }
@@ -267,7 +266,6 @@ void Assembler<D>::node_dofs(const std::vector<std::int32_t>& nodes,
 template <int D>
 void Assembler<D>::insert_pattern(Mat A, bool remember)
 {
-  const int np = _particles.rule.size();
   if (remember)
     _pattern.assign(_own, {});
   std::vector<PetscInt> dofs, ring;
@@ -283,8 +281,8 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
   for (int f = 0; f < _own; ++f)
   {
     targets.assign(1, -1);
-    for (int p = 0; p < np and not _tool; ++p)
-      if (const int t = _states[f * np + p].target.facet; t >= 0)
+    for (const State& s : _now.of(f))
+      if (const int t = s.target.facet; t >= 0 and not _tool)
         targets.insert(targets.end(), _near.begin() + _near_offset[t],
                        _near.begin() + _near_offset[t + 1]);
     std::sort(targets.begin(), targets.end());
@@ -314,24 +312,21 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
 template <int D>
 bool Assembler<D>::pattern_holds() const
 {
-  const int np = _particles.rule.size();
   if (static_cast<int>(_pattern.size()) != _own)
     return false;
-  for (int f = 0; f < _own; ++f)
-    for (int p = 0; p < np; ++p)
-    {
-      const State& s = _states[f * np + p];
-      if (s.closed and not _tool
-          and not std::binary_search(_pattern[f].begin(), _pattern[f].end(),
-                                     _master.id[s.target.facet]))
-        return false;
-    }
+  for (const State& s : _now.states)
+    if (s.closed and not _tool
+        and not std::binary_search(_pattern[s.facet].begin(), _pattern[s.facet].end(),
+                                   _master.id[s.target.facet]))
+      return false;
   return true;
 }
 
 // the members of this file; assembler.cpp instantiates the others
-template CouplingBasis<2> Assembler<2>::basis(int, int, std::vector<Vector<2>>&) const;
-template CouplingBasis<3> Assembler<3>::basis(int, int, std::vector<Vector<3>>&) const;
+template CouplingBasis<2> Assembler<2>::basis(const State&, const Sample&,
+                                              std::vector<Vector<2>>&) const;
+template CouplingBasis<3> Assembler<3>::basis(const State&, const Sample&,
+                                              std::vector<Vector<3>>&) const;
 template void Assembler<2>::dofs_of(int, int, std::vector<PetscInt>&) const;
 template void Assembler<3>::dofs_of(int, int, std::vector<PetscInt>&) const;
 template void Assembler<2>::node_dofs(const std::vector<std::int32_t>&,

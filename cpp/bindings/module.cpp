@@ -190,26 +190,28 @@ void declare_particles(py::module_& m)
       .value("direction", NormalRule::direction);
 }
 
-// Columns of the particle table, one row a particle.
+// Columns of the particle table, one row a particle; "row": position of its facet among this
+// rank's.
 template <int D>
 py::dict particle_table(const Assembler<D>& a)
 {
   using State = typename Assembler<D>::State;
   const Surface& slave = a.slave();
-  const Particles& particles = a.particles();
   const std::vector<State>& states = a.states();
-  const py::ssize_t n = states.size(), np = particles.rule.size();
+  const py::ssize_t n = states.size();
   const std::vector<py::ssize_t> vectors = {n, py::ssize_t(D)};
   py::array_t<double> X(vectors), x(vectors), y(vectors), normal(vectors), traction(vectors),
-      slip(vectors), direction(vectors), gap(n), lambda(n), weight(n), dissipated(n);
+      slip(vectors), direction(vectors), xi({n, py::ssize_t(D - 1)}), gap(n), lambda(n), weight(n),
+      dissipated(n);
   py::array_t<bool> closed(n), slips(n), rubs(n), clamped(n);
   py::array_t<std::int64_t> facet(n), target(n);
+  py::array_t<std::int32_t> row(n);
   for (py::ssize_t i = 0; i < n; ++i)
   {
     const State& s = states[i];
-    const int f = i / np, p = i % np;
+    const int f = s.facet;
     BasisValues b;
-    slave.ref.position.tabulate(&particles.rule.points[p * (D - 1)], b);
+    slave.ref.position.tabulate(s.xi.data(), b);
     const Vector<D> reference = evaluate<D>(slave.facet_X(f), slave.np(), b, false).x;
     const Vector<D> t = a.traction_at(s);
     Vector<D> target_point = Vector<D>::Constant(NAN);
@@ -227,18 +229,22 @@ py::dict particle_table(const Assembler<D>& a)
       direction.mutable_at(i, k) = s.e[k];
       slip.mutable_at(i, k) = s.slip[k] - s.slip.dot(s.n) * s.n[k];
     }
+    std::copy_n(s.xi.data(), D - 1, xi.mutable_data(i, 0));
+    row.mutable_at(i) = f;
     slips.mutable_at(i) = s.friction.slips;
     clamped.mutable_at(i) = s.target.facet >= 0 and s.target.clamp != Clamp::none;
     rubs.mutable_at(i) = s.friction.acts;
     dissipated.mutable_at(i) = s.dissipated;
     gap.mutable_at(i) = -s.gap;
     lambda.mutable_at(i) = s.lambda;
-    weight.mutable_at(i) = particles.weight[i];
+    weight.mutable_at(i) = s.weight;
     closed.mutable_at(i) = s.closed;
     facet.mutable_at(i) = slave.id[f];
     target.mutable_at(i) = s.target.facet < 0 ? -1 : a.tool() ? 0 : a.master().id[s.target.facet];
   }
   py::dict out;
+  out["row"] = row;
+  out["xi"] = xi;
   out["X"] = X;
   out["x"] = x;
   out["target"] = y;
@@ -297,7 +303,7 @@ void declare_assembler(py::module_& m, const char* name)
                   const array<double>& direction, bool turning, bool slave_facets, double radius,
                   double end_tolerance, double crease, bool augmented, bool convected, bool rubbing,
                   const array<PetscInt>& slave_dofs, const array<std::int32_t>& local,
-                  const array<PetscInt>& dofs)
+                  const array<PetscInt>& dofs, bool refined, bool axisymmetric)
                {
                  PairOptions<D> o;
                  o.rules = {target, normals, turning};
@@ -309,15 +315,16 @@ void declare_assembler(py::module_& m, const char* name)
                  o.rubbing = rubbing;
                  o.law.augmented = augmented;
                  return A(slave, own,
-                          {rule, vector(weight), multiplier, vector(nodes), vector(direction)}, o,
-                          vector(slave_dofs), vector(local), vector(dofs));
+                          {rule, vector(weight), multiplier, vector(nodes), vector(direction),
+                           refined, axisymmetric},
+                          o, vector(slave_dofs), vector(local), vector(dofs));
                }),
            py::arg("slave"), py::arg("own"), py::arg("rule"), py::arg("weight"),
            py::arg("multiplier"), py::arg("nodes"), py::arg("target"), py::arg("normals"),
            py::arg("direction"), py::arg("turning"), py::arg("slave_facets"), py::arg("radius"),
            py::arg("end_tolerance"), py::arg("crease"), py::arg("augmented"), py::arg("convected"),
            py::arg("rubbing"), py::arg("slave_dofs"), py::arg("multiplier_local"),
-           py::arg("multiplier_dofs"))
+           py::arg("multiplier_dofs"), py::arg("refined") = false, py::arg("axisymmetric") = false)
       .def("set_master", [](A& a, const Surface& master, const array<PetscInt>& dofs)
            { a.set_master(master, vector(dofs)); })
       .def("set_plane",
@@ -405,6 +412,7 @@ void declare_assembler(py::module_& m, const char* name)
       .def("insert_pattern", [](A& a, std::uintptr_t mat, bool remember)
            { a.insert_pattern(reinterpret_cast<Mat>(mat), remember); })
       .def("pattern_holds", &A::pattern_holds)
+      .def("dissipated", &A::dissipated)
       .def("particles", [](const A& a) { return particle_table(a); })
       .def("begin_step", &A::begin_step)
       .def("accept", &A::accept)

@@ -65,7 +65,6 @@ ParticleRule simpson_triangle(int n)
   return rule;
 }
 
-// ‖τ_1 × τ_2‖ (times 2πR) at one point of a reference facet
 template <int D>
 double measure(const Surface& s, int f, const BasisValues& b, bool axisymmetric)
 {
@@ -73,12 +72,12 @@ double measure(const Surface& s, int f, const BasisValues& b, bool axisymmetric)
   return p.area_vector().norm() * (axisymmetric ? 2 * std::numbers::pi * p.x[0] : 1.0);
 }
 
-double measure(const Surface& s, int f, const BasisValues& b, bool axisymmetric)
+} // namespace
+
+double reference_measure(const Surface& s, int f, const BasisValues& b, bool axisymmetric)
 {
   return s.dim == 2 ? measure<2>(s, f, b, axisymmetric) : measure<3>(s, f, b, axisymmetric);
 }
-
-} // namespace
 
 ParticleRule simpson(Shape shape, int n)
 {
@@ -120,7 +119,7 @@ std::vector<double> particle_weights(const Surface& surface, const ParticleRule&
     surface.ref.position.tabulate(&rule.points[p * q], b);
     for (int f = 0; f < surface.size(); ++f)
       out[static_cast<std::size_t>(f) * n + p]
-          = rule.weights[p] * measure(surface, f, b, axisymmetric);
+          = rule.weights[p] * reference_measure(surface, f, b, axisymmetric);
   }
   return out;
 }

@@ -22,6 +22,11 @@ struct ParticleRule
 /// @throws std::invalid_argument unless 0 ≤ n ≤ 6
 ParticleRule simpson(Shape shape, int n);
 
+/// ‖τ_1 × τ_2‖ in the reference configuration, times 2πR in axisymmetry (R = X_1).
+/// @param position the position basis at a point of facet f
+double reference_measure(const Surface& surface, int f, const BasisValues& position,
+                         bool axisymmetric);
+
 /// Reference measure carried by each particle: w_p ‖τ_1 × τ_2‖, times 2πR in axisymmetry
 /// (R = X_1).
 /// @returns (facets, particles)

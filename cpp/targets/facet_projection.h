@@ -237,10 +237,15 @@ public:
     }
   }
 
+  static Vector<Q> centre(Shape shape)
+  {
+    return Vector<Q>::Constant(shape == Shape::triangle ? 1.0 / 3 : 0.5);
+  }
+
   /// A good place to start Newton from: the centre, or the nearest node of a curved facet.
   Vector<Q> start(const Vector<D>& x) const
   {
-    const Vector<Q> centre = Vector<Q>::Constant(_shape == Shape::triangle ? 1.0 / 3 : 0.5);
+    const Vector<Q> centre = this->centre(_shape);
     if (_s.ref.position.degree() == 1)
       return centre;
     Vector<Q> best = centre;

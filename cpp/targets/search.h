@@ -57,6 +57,12 @@ public:
     return find(Query{master, seeker.x, seeker.outward, seeker.e, normals}, former);
   }
 
+  /// Append the facets whose boxes overlap a box.
+  void near(const Box<D>& box, std::vector<int>& out) const
+  {
+    _tree.overlaps(box, [&](int f) { out.push_back(f); });
+  }
+
 private:
   struct Found
   {

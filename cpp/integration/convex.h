@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: MIT
+//
+// Convex sets of a facet's parametric plane, and how one is cut out of another: intervals in 2D,
+// polygons in 3D. A set is cut by one straight edge after the other, and both sides of each cut
+// share its end points: the measures of all parts add up to that of the whole, whatever is cut out.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <vector>
+
+namespace dolfinx_contact
+{
+
+/// Parts smaller than this fraction of the whole are nothing.
+constexpr double sliver = 1e-14;
+
+/// An interval of the line.
+struct Interval
+{
+  double lo = 0, hi = 0;
+
+  double measure() const { return std::max(0.0, hi - lo); }
+  bool empty() const { return hi <= lo; }
+
+  /// The part inside of `other`; parts on its two sides are appended to `rest`.
+  Interval cut(const Interval& other, std::vector<Interval>& rest) const
+  {
+    const Interval inside{std::max(lo, other.lo), std::min(hi, other.hi)};
+    for (const Interval& out : {Interval{lo, inside.lo}, Interval{inside.hi, hi}})
+      if (not out.empty())
+        rest.push_back(out);
+    return inside;
+  }
+};
+
+/// A convex polygon, its corners counter-clockwise.
+struct Polygon
+{
+  std::vector<Eigen::Vector2d> corners;
+
+  static double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b)
+  {
+    return a[0] * b[1] - a[1] * b[0];
+  }
+
+  /// Area, negative if the corners run clockwise.
+  double signed_area() const
+  {
+    double twice = 0;
+    for (std::size_t i = 2; i < corners.size(); ++i)
+      twice += cross(corners[i - 1] - corners[0], corners[i] - corners[0]);
+    return 0.5 * twice;
+  }
+  double measure() const { return std::max(0.0, signed_area()); }
+  bool empty() const { return corners.size() < 3; }
+
+  /// True if it nowhere turns to the right.
+  bool convex() const
+  {
+    const std::size_t n = corners.size();
+    const double area = signed_area();
+    for (std::size_t i = 0; i < n; ++i)
+    {
+      const Eigen::Vector2d &a = corners[i], &b = corners[(i + 1) % n], &c = corners[(i + 2) % n];
+      if (cross(b - a, c - b) < -sliver * area)
+        return false;
+    }
+    return area > 0;
+  }
+
+  /// Cut along the line through a and b.
+  /// @param left, right the two sides, seen from a to b; maybe empty
+  void split(const Eigen::Vector2d& a, const Eigen::Vector2d& b, Polygon& left,
+             Polygon& right) const
+  {
+    left.corners.clear();
+    right.corners.clear();
+    const Eigen::Vector2d edge = (b - a).normalized();
+    double size = 0;
+    for (const Eigen::Vector2d& p : corners)
+      size = std::max(size, (p - a).lpNorm<1>());
+    // corners as near to the line as round-off brings them are on it, and belong to both sides
+    auto height = [&](const Eigen::Vector2d& p)
+    {
+      const double d = cross(edge, p - a);
+      return std::abs(d) <= 4e-16 * size ? 0.0 : d;
+    };
+    const std::size_t n = corners.size();
+    for (std::size_t i = 0; i < n; ++i)
+    {
+      const Eigen::Vector2d &p = corners[i], &q = corners[(i + 1) % n];
+      const double dp = height(p), dq = height(q);
+      if (dp >= 0)
+        left.corners.push_back(p);
+      if (dp <= 0)
+        right.corners.push_back(p);
+      if ((dp < 0 and dq > 0) or (dp > 0 and dq < 0))
+      {
+        const Eigen::Vector2d x = p + dp / (dp - dq) * (q - p);
+        left.corners.push_back(x);
+        right.corners.push_back(x);
+      }
+    }
+    for (Polygon* side : {&left, &right})
+      if (side->signed_area() <= 0) // a corner or an edge of the polygon
+        side->corners.clear();
+  }
+
+  /// The part inside of `other`; the parts outside are appended to `rest`.
+  Polygon cut(const Polygon& other, std::vector<Polygon>& rest) const
+  {
+    Polygon inside = *this, left, right;
+    const std::size_t n = other.corners.size();
+    for (std::size_t i = 0; i < n and not inside.empty(); ++i)
+    {
+      const Eigen::Vector2d &a = other.corners[i], &b = other.corners[(i + 1) % n];
+      if (a == b)
+        continue;
+      inside.split(a, b, left, right);
+      if (not right.empty())
+        rest.push_back(right);
+      std::swap(inside, left);
+    }
+    return inside;
+  }
+};
+
+/// A part of a set, and which of several others covers it (−1: none).
+template <typename Set>
+struct Part
+{
+  Set set;
+  int other;
+};
+
+/// Divide a set along others: parts within each of them, and what none covers.
+///
+/// The parts add up to the whole, whether the others fit together, overlap (the first one counts)
+/// or leave gaps. Where they cover it exactly the parts are the plain intersections.
+template <typename Set>
+void divide(const Set& whole, std::span<const Set> others, std::vector<Part<Set>>& parts)
+{
+  const double all = whole.measure();
+  parts.clear();
+  std::vector<Set> rest;
+  double covered = 0;
+  for (std::size_t j = 0; j < others.size(); ++j)
+  {
+    rest.clear();
+    Set inside = whole.cut(others[j], rest);
+    const double m = inside.measure();
+    covered += m;
+    if (m > sliver * all)
+      parts.push_back({std::move(inside), static_cast<int>(j)});
+  }
+  if (std::abs(covered - all) <= 1e-13 * all)
+    return;
+
+  // they overlap or leave gaps: each takes its part from what the former ones have left
+  parts.clear();
+  std::vector<Set> left = {whole}, next;
+  for (std::size_t j = 0; j < others.size(); ++j)
+  {
+    next.clear();
+    for (Set& piece : left)
+    {
+      const std::size_t before = next.size();
+      Set inside = piece.cut(others[j], next);
+      if (inside.measure() > sliver * all)
+        parts.push_back({std::move(inside), static_cast<int>(j)});
+      else
+      {
+        next.resize(before);
+        next.push_back(std::move(piece));
+      }
+    }
+    std::swap(left, next);
+  }
+  for (Set& piece : left)
+    if (piece.measure() > sliver * all)
+      parts.push_back({std::move(piece), -1});
+}
+
+} // namespace dolfinx_contact
