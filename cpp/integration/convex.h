@@ -139,38 +139,25 @@ struct Part
 /// Divide a set along others: parts within each of them, and what none covers.
 ///
 /// The parts add up to the whole, whether the others fit together, overlap (the first one counts)
-/// or leave gaps. Where they cover it exactly the parts are the plain intersections.
+/// or leave gaps. Where they fit together the parts are the plain intersections.
 template <typename Set>
 void divide(const Set& whole, std::span<const Set> others, std::vector<Part<Set>>& parts)
 {
-  const double all = whole.measure();
-  parts.clear();
-  std::vector<Set> rest;
-  double covered = 0;
-  for (std::size_t j = 0; j < others.size(); ++j)
-  {
-    rest.clear();
-    Set inside = whole.cut(others[j], rest);
-    const double m = inside.measure();
-    covered += m;
-    if (m > sliver * all)
-      parts.push_back({std::move(inside), static_cast<int>(j)});
-  }
-  if (std::abs(covered - all) <= 1e-13 * all)
-    return;
+  const int n = static_cast<int>(others.size());
+  const double all = whole.measure(), least = sliver * all;
 
-  // they overlap or leave gaps: each takes its part from what the former ones have left
+  // each takes its part from what the former ones have left
   parts.clear();
   std::vector<Set> left = {whole}, next;
-  for (std::size_t j = 0; j < others.size(); ++j)
+  for (int j = 0; j < n; ++j)
   {
     next.clear();
     for (Set& piece : left)
     {
       const std::size_t before = next.size();
       Set inside = piece.cut(others[j], next);
-      if (inside.measure() > sliver * all)
-        parts.push_back({std::move(inside), static_cast<int>(j)});
+      if (inside.measure() > least)
+        parts.push_back({std::move(inside), j});
       else
       {
         next.resize(before);
@@ -179,9 +166,29 @@ void divide(const Set& whole, std::span<const Set> others, std::vector<Part<Set>
     }
     std::swap(left, next);
   }
+  double rest = 0;
   for (Set& piece : left)
-    if (piece.measure() > sliver * all)
+    if (piece.measure() > least)
+    {
+      rest += piece.measure();
       parts.push_back({std::move(piece), -1});
+    }
+
+  // What is left has been cut again and again. If they cover the whole, and once, there is no need:
+  if (rest > 1e-13 * all)
+    return;
+  std::vector<Part<Set>> plain;
+  double covered = 0;
+  for (int j = 0; j < n; ++j)
+  {
+    next.clear();
+    Set inside = whole.cut(others[j], next);
+    covered += inside.measure();
+    if (inside.measure() > least)
+      plain.push_back({std::move(inside), j});
+  }
+  if (std::abs(covered - all) <= 1e-13 * all)
+    std::swap(parts, plain);
 }
 
 } // namespace dolfinx_contact
