@@ -17,7 +17,7 @@ The demo goes the way twice, the second time in steps of half the length, and dr
 Run it with `python3 demos/ironing.py`, alone or under mpirun. `--slab` sets the facets along the
 slab, `--step` the longer increment of both motions (the benchmark's own increments are 0.1 down and
 0.02 aside), `--way` the length of the slide. An increment of 1 is longer than the contact: where
-Newton fails, the step is cut. It writes demos/pictures/ironing.png.
+Newton fails, the step is cut. `--rule` chooses the integration. It writes demos/pictures/ironing.png.
 """
 
 import argparse
@@ -38,6 +38,8 @@ parser = argparse.ArgumentParser()
 parser.add_argument("--slab", type=int, default=60, help="facets along the slab")
 parser.add_argument("--step", type=float, default=0.2, help="longer increment [mm]")
 parser.add_argument("--way", type=float, default=10.0, help="length of the slide [mm]")
+RULES = {"simpson1": dc.Simpson(1), "simpson2": dc.Simpson(2), "segments": dc.Segments()}
+parser.add_argument("--rule", choices=RULES, default="simpson1", help="contact integration")
 args = parser.parse_args()
 
 comm = MPI.COMM_WORLD
@@ -105,7 +107,7 @@ def iron(increment):
     """Go the way. Columns: x, y, horizontal and vertical force, work, energy, iterations, cuts."""
     u.x.array[:] = 0
     slave, master = dc.Surface(u, facet_tags, SLAVE), dc.Surface(u, facet_tags, MASTER)
-    pair = dc.ContactPair(slave, master, friction=mu)
+    pair = dc.ContactPair(slave, master, friction=mu, integration=RULES[args.rule])
     problem = dc.ContactProblem(F, u, [pair], bcs=bcs)
     inside = form(stored)
     rows = [np.zeros(8)]
