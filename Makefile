@@ -96,6 +96,9 @@ bench: install
 	$(BUILD)/contact_bench
 	$(PY) benchmarks/contact_cost.py
 	$(PY) benchmarks/junctions.py
+	$(PY) benchmarks/rules.py
+	$(PY) benchmarks/convergence.py
+	$(PY) benchmarks/infsup.py
 
 # 60 runs, about five minutes; rewrites the table of docs/robustness.md
 robustness: install

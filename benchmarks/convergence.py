@@ -237,12 +237,6 @@ def solve(level, cell, degree, pressure_degree, integration, normals, uneven):
 # -- refinement -----------------------------------------------------------------------------------
 
 
-def segments():
-    """Exact integration on the common refinement of both sides' facets (the finest Simpson rule
-    in a library without it)."""
-    return dc.Segments() if hasattr(dc, "Segments") else dc.Simpson(6)
-
-
 def run(
     levels,
     cell="quadrilateral",
@@ -269,7 +263,7 @@ def run(
         "open", the open particles, a list each
     """
     if integration is None:
-        integration = segments()
+        integration = dc.Segments()
     found = [
         solve(level, cell, degree, pressure_degree, integration, normals, uneven)
         for level in levels
@@ -306,7 +300,7 @@ class Case:
         return (
             f"{self.cell}s, {'un' if self.uneven else ''}even",
             f"{self.degree} / {self.pressure_degree}",
-            f"`{self.integration or segments()}`".replace("degree=None", "").replace("n=", ""),
+            f"`{self.integration or dc.Segments()}`".replace("degree=None", "").replace("n=", ""),
             self.normals,
         )
 
@@ -404,7 +398,7 @@ def draw(results, file):
     for axes, name in zip(figure.subplots(1, 3), NORMS):
         for case, result in drawn.items():
             facets = FACETS[INSIDE] * 2 ** np.array(result["levels"])
-            rule = str(case.integration or segments()).replace("()", "")
+            rule = str(case.integration or dc.Segments()).replace("()", "")
             facet = case.normals == "facet"
             label = f"degree {case.degree}, {case.name()[2].strip('`')}"
             axes.loglog(

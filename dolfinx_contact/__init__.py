@@ -15,7 +15,7 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
         " unset PETSC_DIR)."
     )
 
-from . import meshes, plot
+from . import infsup, meshes, plot
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
@@ -61,6 +61,7 @@ __all__ = [
     "Step",
     "Surface",
     "UnheldError",
+    "infsup",
     "meshes",
     "plot",
 ]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -31,7 +32,8 @@ from .tools import RigidPlane
 class ContactPair:
     """Two surfaces that may touch, with Coulomb friction.
 
-    The construction is collective. Multipliers live on the slave's facet mesh.
+    The construction is collective. Multipliers live on the slave's facet mesh. A pressure space that
+    is known to be unstable with the displacement and the rule gives a warning (docs/infsup.md).
 
     Args:
         slave: carries the particles and the multipliers
@@ -126,6 +128,7 @@ class ContactPair:
             check_determined(integration, points, self._psi)
             if self.frictional:
                 check_determined(integration, points, self._phi)
+        self._warn()
         self.exclude = None if exclude is None else self._check_exclude(exclude)
         V = compat.function_space(slave.mesh, tuple(pressure_space))
         self.pressure = fem.Function(V, name="pressure")
@@ -256,6 +259,18 @@ class ContactPair:
                 f"ContactPair: {name} is {space!r} ({error}); the facets"
                 ' carry ("Lagrange", 1), ("Lagrange", 2), ("DG", 0), ("DG", 1), ("DG", 2).'
             ) from None
+
+    def _warn(self) -> None:
+        """Tell the user, on rank 0, of a choice that is known to be unstable."""
+        from .infsup import doubt  # which needs this module
+
+        degree = self.slave.reference["displacement"]["degree"]
+        text = doubt(degree, self.pressure_space, self.slave.shape, self.integration)
+        if text is not None and self.comm.rank == 0:
+            warnings.warn(
+                f"ContactPair: {text}. dc.infsup.constant(pair) measures it on your meshes.",
+                stacklevel=3,
+            )
 
     def _fitted(self, integration: Segments) -> Segments:
         surfaces = [s for s in (self.slave, self.master) if isinstance(s, Surface)]

@@ -47,26 +47,35 @@ def basis(space, nodes):
 
 
 def product(first, second, nodes, rule=None, radial=False, slopes=False):
-    """∫ of products of functions on a line (or of their slopes), by a rule on each cell of `nodes`;
-    `second` may live on other nodes. With `radial` the measure is 2πx dx."""
-    if rule is None:
+    """∫ of products of functions on a line (or of their slopes), by a rule on each cell of `nodes`.
+    `second` may live on other nodes. Without a rule exactly: by Gauss's between all the nodes. With
+    `radial` the measure is 2πx dx."""
+    (space, others), pieces, exact = second, nodes, rule is None
+    if exact:
         x, w = np.polynomial.legendre.leggauss(6)
-        rule = (x + 1) / 2, w / 2
-    xi, weights = rule
+        rule, pieces = ((x + 1) / 2, w / 2), np.unique(np.round([*nodes, *others], 12))
     at, rows = basis(first, nodes)
-    space, others = second
     other, columns = basis(space, others)
     out = np.zeros((rows, columns))
-    for cell, h in enumerate(np.diff(nodes)):
-        for point, weight in zip(xi, weights):
-            x = nodes[cell] + h * point
-            c = min(np.searchsorted(others, x, side="right"), len(others) - 1) - 1
-            eta = np.clip((x - others[c]) / (others[c + 1] - others[c]), 0, 1)
-            a, N, dN = at(cell, np.array(point))
-            b, M, dM = other(c, np.array(eta))
+
+    def locate(line, near, x):
+        """Cell of a line that holds the point `near`, ξ of x in it, and its size."""
+        cell = np.clip(np.searchsorted(line, near, side="right"), 1, len(line) - 1) - 1
+        size = line[cell + 1] - line[cell]
+        return cell, np.clip((x - line[cell]) / size, 0, 1), size
+
+    for begin, end in zip(pieces, pieces[1:]):
+        for point, weight in zip(*rule):
+            x = begin + (end - begin) * point
+            middle = (begin + end) / 2
+            cell, xi, h = locate(nodes, middle, x)
+            far, eta, size = locate(others, middle if exact else x, x)
+            a, N, dN = at(cell, xi)
+            b, M, dM = other(far, eta)
             if slopes:
-                N, M = dN / h, dM / (others[c + 1] - others[c])
-            out[np.ix_(a, b)] += weight * h * (2 * np.pi * x if radial else 1) * np.outer(N, M)
+                N, M = dN / h, dM / size
+            scale = weight * (end - begin) * (2 * np.pi * x if radial else 1)
+            out[np.ix_(a, b)] += scale * np.outer(N, M)
     return out
 
 
@@ -164,6 +173,16 @@ def test_equals_a_dense_construction_with_nodes():
     ends = np.array([0.0, 1.0]), np.array([0.5, 0.5])
     expected = dense(slave, master, SPACES[0], rule=ends)
     assert infsup.constant(pair) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("degree", (1, 2))
+def test_equals_a_dense_construction_with_segments(degree):
+    slave, master = lines(5, 2), lines(7, 2)
+    for space in (("DG", 0), ("Lagrange", degree)):
+        one = surfaces(slave, master, degree)
+        pair = dc.ContactPair(*one, pressure_space=space, integration=dc.Segments())
+        expected = dense(slave, master, space, degree, rule=None)
+        assert infsup.constant(pair) == pytest.approx(expected, rel=1e-9)
 
 
 def test_axisymmetric():

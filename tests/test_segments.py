@@ -206,7 +206,8 @@ def tangent_error(model, pair, states, random):
     direction.array[:] = random.uniform(-1, 1, len(direction.array))
     for function, block in ((system.u[0], 0), (pair._multiplier, 1)):
         part = direction.array[system.layout.slice(block)]
-        part *= np.abs(function.x.array).max() / (1 if block == 0 else system.scale[block])
+        largest = COMM.allreduce(np.abs(function.x.array).max(initial=0.0), op=MPI.MAX)
+        part *= largest / system.scale[block]
     direction.array[system.layout.held_rows() - system.layout.start] = 0.0
     system.bcs = []  # Dirichlet rows are no question of contact
 
