@@ -290,9 +290,7 @@ class Segments:
     that it is cut into. Non-matching meshes then pass the patch test to round-off. The cells follow
     the surfaces; what the master does not cover is a cell too.
 
-    The tangent of Newton's method holds the cells: where the integrand is continuous, as with
-    interpolated normals, their motion changes no exact integral. With facet normals, and where
-    friction slides far in a step, it costs some iterations.
+    Newton's tangent has the derivative of all places and weights with the corners of both surfaces.
 
     Args:
         degree: of the polynomials that are integrated exactly on each cell, from 1 to 20; None:

@@ -231,8 +231,13 @@ Changes Assembler<D>::update(const Unknowns& u, double close)
       _normals.update(_master);
   }
 
-  if (_particles.refined and not _frozen.geometry)
-    refine();
+  if (_particles.refined)
+  {
+    _lambda.assign(u.lambda.begin(), u.lambda.end());
+    _Lambda.assign(u.Lambda.begin(), u.Lambda.end());
+    if (not _frozen.geometry)
+      refine();
+  }
 
   const int nl = _particles.multiplier.nodes(), nf = _friction.nodes(), Q = D - 1;
   Changes changes;

@@ -177,6 +177,7 @@ public:
     int facet = 0;                            ///< of the slave
     Vector<D - 1> xi = Vector<D - 1>::Zero(); ///< where on it
     double weight = 0;                        ///< its part of the reference measure
+    int cell = -1; ///< if the particles move: the master facet its cell lies on, or −1
     Target<D> target;
     double lambda = 0;                    ///< multiplier, negative in compression
     double gap = -INFINITY;               ///< d_n, negative if open; −∞ without a target
@@ -273,6 +274,7 @@ private:
   CouplingBasis<D> basis(const State& s, const Sample& sample,
                          std::vector<Vector<D>>& tangent) const;
   void lay_out();
+  CellPoints<D> cells(int facet, bool motion) const;
   void refine();
   Vector<D> first_normal(const State& s) const;
   static const State* nearest(const Cloud& cloud, const State& s);
@@ -301,6 +303,10 @@ private:
   struct FieldSums;
   template <bool F>
   void tangent(Mat A) const;
+  template <bool F>
+  void motion_tangent(Mat A, int facet, std::span<const int> particles,
+                      const std::vector<PetscInt>& dofs, const CellPoints<D>& cells) const;
+  Rates<D> rates(const State& s, const Sample& along, int beta) const;
   void node_dofs(const std::vector<std::int32_t>& nodes, const std::vector<PetscInt>& table,
                  std::vector<PetscInt>& dofs) const;
   void carry_over(std::vector<State>& states, const Surface& master) const;
@@ -320,6 +326,7 @@ private:
   NodalNormals<D> _normals, _slave_normals; // of the master if interpolated, of the slave
   NodalNormals<D> _first_normals;           // of the slave as the step began
   Cloud _now, _accepted, _marked;
+  std::vector<double> _lambda, _Lambda; // multipliers of the last update, if the particles move
   double _dissipated = 0;
   std::vector<std::int32_t> _near_offset,
       _near; // facets that share a vertex with each master facet

@@ -180,7 +180,11 @@ void Assembler<D>::tangent(Mat A) const
                        ADD_VALUES),
           "MatSetValues (contact tangent)");
   };
+  CellPoints<D> cells;
   for (int f = 0; f < _own; ++f)
+  {
+    if (_particles.refined and moves)
+      cells = this->cells(f, true);
     for_each_pair(
         f,
         [&](int target, std::span<const int> particles)
@@ -250,7 +254,10 @@ void Assembler<D>::tangent(Mat A) const
             node_dofs(of_slave.finish(_slave, _slave_normals, f), _slave_dofs, ring);
             insert(ring, of_slave.values.data());
           }
+          if (_particles.refined and moves)
+            motion_tangent<F>(A, f, particles, dofs, cells);
         });
+  }
 }
 
 template <int D>
@@ -282,9 +289,10 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
   {
     targets.assign(1, -1);
     for (const State& s : _now.of(f))
-      if (const int t = s.target.facet; t >= 0 and not _tool)
-        targets.insert(targets.end(), _near.begin() + _near_offset[t],
-                       _near.begin() + _near_offset[t + 1]);
+      for (const int t : {s.target.facet, s.cell})
+        if (t >= 0 and not _tool)
+          targets.insert(targets.end(), _near.begin() + _near_offset[t],
+                         _near.begin() + _near_offset[t + 1]);
     std::sort(targets.begin(), targets.end());
     targets.erase(std::unique(targets.begin(), targets.end()), targets.end());
     for (int t : targets)
@@ -293,6 +301,16 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
         continue;
       dofs_of(f, t, dofs);
       insert(dofs);
+      if (_particles.refined and t >= 0)
+        for (int k = _near_offset[t]; k < _near_offset[t + 1]; ++k)
+          if (const int g = _near[k]; _master.candidate[g])
+          {
+            ring.assign(_master.local.begin() + g * _master.nu(),
+                        _master.local.begin() + (g + 1) * _master.nu());
+            const std::vector<std::int32_t> nodes(ring.begin(), ring.end());
+            node_dofs(nodes, _master_dofs, ring);
+            insert(ring);
+          }
       if (interpolated() and t >= 0)
       {
         node_dofs(_normals.nodes(_master, t), _master_dofs, ring);
@@ -314,12 +332,17 @@ bool Assembler<D>::pattern_holds() const
 {
   if (static_cast<int>(_pattern.size()) != _own)
     return false;
-  for (const State& s : _now.states)
-    if (s.closed and not _tool
-        and not std::binary_search(_pattern[s.facet].begin(), _pattern[s.facet].end(),
-                                   _master.id[s.target.facet]))
-      return false;
-  return true;
+  auto holds = [&](const State& s, int target)
+  {
+    return target < 0
+           or std::binary_search(_pattern[s.facet].begin(), _pattern[s.facet].end(),
+                                 _master.id[target]);
+  };
+  return _tool
+         or std::all_of(_now.states.begin(), _now.states.end(),
+                        [&](const State& s) {
+                          return (not s.closed or holds(s, s.target.facet)) and holds(s, s.cell);
+                        });
 }
 
 // the members of this file; assembler.cpp instantiates the others

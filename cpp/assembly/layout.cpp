@@ -71,6 +71,28 @@ auto Assembler<D>::nearest(const Cloud& cloud, const State& s) -> const State*
   return best;
 }
 
+// The particles of one facet's refinement.
+template <int D>
+CellPoints<D> Assembler<D>::cells(int f, bool motion) const
+{
+  const double reach = std::min(_options.search.radius, _slave.diameter(f));
+  std::vector<int> near;
+  std::array<double, 2 * D> box;
+  _slave.box(f, reach, box.data());
+  if (not _tool)
+    _search.near(BoxTree<D>::item_box(box, 0), near);
+  std::erase_if(near, [&](int g) { return not _master.candidate[g]; });
+  std::sort(near.begin(), near.end()); // facets are in the order of their global numbers
+  Vector<D> e = Vector<D>::Zero();
+  if (_options.rules.target == TargetRule::direction and not _options.rules.turning)
+  {
+    BasisValues b;
+    _slave.ref.position.tabulate(FacetProjection<D>::centre(_slave.ref.shape).data(), b);
+    e = given_direction(f, b, -1);
+  }
+  return Segments<D>(_particles.rule).points(_slave, f, _master, near, e, reach, motion);
+}
+
 // Particles of the common refinement where both surfaces are now. What a particle remembers is a
 // property of its place: that of the nearest one of the last accepted step, so that the residual
 // depends on the displacements alone. What it was in the last evaluation serves for counting, and
@@ -78,33 +100,12 @@ auto Assembler<D>::nearest(const Cloud& cloud, const State& s) -> const State*
 template <int D>
 void Assembler<D>::refine()
 {
-  const Segments<D> segments(_particles.rule);
-  const bool along = _options.rules.target == TargetRule::direction and not _options.rules.turning;
   Cloud next;
   next.offset.assign(1, 0);
-  std::vector<int> near;
-  const std::vector<double> boxes = _slave.boxes();
   Sample here;
   for (int f = 0; f < _own; ++f)
   {
-    const double reach = std::min(_options.search.radius, _slave.diameter(f));
-    near.clear();
-    Box<D> box = BoxTree<D>::item_box(boxes, f);
-    box.lo -= reach;
-    box.hi += reach;
-    if (not _tool)
-      _search.near(box, near);
-    std::erase_if(near, [&](int g) { return not _master.candidate[g]; });
-    std::sort(near.begin(), near.end()); // facets are in the order of their global numbers
-    Vector<D> e = Vector<D>::Zero();
-    if (along)
-    {
-      BasisValues b;
-      _slave.ref.position.tabulate(FacetProjection<D>::centre(_slave.ref.shape).data(), b);
-      e = given_direction(f, b, -1);
-    }
-    const std::vector<CellPoint<D>> points
-        = segments.points(_slave, f, _master, near, e, normals(), reach);
+    const std::vector<CellPoint<D>> points = cells(f, false).points;
     const std::span<const State> before = _now.of(f);
     for (std::size_t p = 0; p < points.size(); ++p)
     {
@@ -120,8 +121,9 @@ void Assembler<D>::refine()
       tabulate(s.xi.data(), here);
       s.weight
           = points[p].weight * reference_measure(_slave, f, here.position, _particles.axisymmetric);
-      if (const int g = points[p].master; g >= 0 and s.target.facet != g)
-        s.target = {g, FacetProjection<D>::centre(_master.ref.shape)};
+      s.cell = points[p].master;
+      if (s.cell >= 0 and s.target.facet != s.cell)
+        s.target = {s.cell, FacetProjection<D>::centre(_master.ref.shape)};
       if (const State* kept = _accepted.offset.empty() ? nullptr : nearest(_accepted, s))
       {
         s.touched = kept->touched;
@@ -192,6 +194,8 @@ template const Sample& Assembler<2>::sample(const State&, Sample&) const;
 template const Sample& Assembler<3>::sample(const State&, Sample&) const;
 template void Assembler<2>::lay_out();
 template void Assembler<3>::lay_out();
+template CellPoints<2> Assembler<2>::cells(int, bool) const;
+template CellPoints<3> Assembler<3>::cells(int, bool) const;
 template void Assembler<2>::refine();
 template void Assembler<3>::refine();
 template Vector<2> Assembler<2>::first_normal(const State&) const;

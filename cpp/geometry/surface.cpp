@@ -55,32 +55,34 @@ void Surface::place(std::span<const double> u, std::vector<double>& positions) c
 
 std::vector<double> Surface::boxes(double margin) const
 {
-  const int np = this->np(), n = size();
-  const bool straight = ref.position.degree() == 1;
-  std::vector<double> out(static_cast<std::size_t>(n) * 2 * dim);
-  for (int f = 0; f < n; ++f)
-  {
-    const double* xf = facet_x(f);
-    double* box = &out[static_cast<std::size_t>(f) * 2 * dim];
-    for (int i = 0; i < dim; ++i)
-    {
-      double lo = INFINITY, hi = -INFINITY;
-      for (int a = 0; a < np; ++a)
-      {
-        double c = 0; // Bernstein control point a
-        if (straight)
-          c = xf[a * dim + i];
-        else
-          for (int b = 0; b < np; ++b)
-            c += ref.hull[a * np + b] * xf[b * dim + i];
-        lo = std::min(lo, c);
-        hi = std::max(hi, c);
-      }
-      box[i] = lo - margin;
-      box[dim + i] = hi + margin;
-    }
-  }
+  std::vector<double> out(static_cast<std::size_t>(size()) * 2 * dim);
+  for (int f = 0; f < size(); ++f)
+    box(f, margin, &out[static_cast<std::size_t>(f) * 2 * dim]);
   return out;
+}
+
+void Surface::box(int f, double margin, double* out) const
+{
+  const int np = this->np();
+  const bool straight = ref.position.degree() == 1;
+  const double* xf = facet_x(f);
+  for (int i = 0; i < dim; ++i)
+  {
+    double lo = INFINITY, hi = -INFINITY;
+    for (int a = 0; a < np; ++a)
+    {
+      double c = 0; // Bernstein control point a
+      if (straight)
+        c = xf[a * dim + i];
+      else
+        for (int b = 0; b < np; ++b)
+          c += ref.hull[a * np + b] * xf[b * dim + i];
+      lo = std::min(lo, c);
+      hi = std::max(hi, c);
+    }
+    out[i] = lo - margin;
+    out[dim + i] = hi + margin;
+  }
 }
 
 double Surface::diameter(int f) const

@@ -83,6 +83,9 @@ struct Surface
   /// grown by `margin`: (n, 2, dim), lower then upper corner.
   std::vector<double> boxes(double margin = 0.0) const;
 
+  /// That of one facet: 2 × dim numbers.
+  void box(int f, double margin, double* out) const;
+
   /// Largest distance between two corners of facet f in the reference configuration.
   double diameter(int f) const;
 

@@ -21,6 +21,7 @@ constexpr double sliver = 1e-14;
 struct Interval
 {
   double lo = 0, hi = 0;
+  int lo_from = -1, hi_from = -1; ///< numbers that the ends keep when they are cut
 
   double measure() const { return std::max(0.0, hi - lo); }
   bool empty() const { return hi <= lo; }
@@ -28,8 +29,11 @@ struct Interval
   /// The part inside of `other`; parts on its two sides are appended to `rest`.
   Interval cut(const Interval& other, std::vector<Interval>& rest) const
   {
-    const Interval inside{std::max(lo, other.lo), std::min(hi, other.hi)};
-    for (const Interval& out : {Interval{lo, inside.lo}, Interval{inside.hi, hi}})
+    const Interval inside{std::max(lo, other.lo), std::min(hi, other.hi),
+                          lo >= other.lo ? lo_from : other.lo_from,
+                          hi <= other.hi ? hi_from : other.hi_from};
+    for (const Interval& out : {Interval{lo, inside.lo, lo_from, inside.lo_from},
+                                Interval{inside.hi, hi, inside.hi_from, hi_from}})
       if (not out.empty())
         rest.push_back(out);
     return inside;
@@ -40,6 +44,8 @@ struct Interval
 struct Polygon
 {
   std::vector<Eigen::Vector2d> corners;
+  std::vector<int> lines = {}; ///< if any, numbers that the edges keep when they are cut: that of
+                               ///< the line from each corner to the next
 
   static double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b)
   {
@@ -56,6 +62,11 @@ struct Polygon
   }
   double measure() const { return std::max(0.0, signed_area()); }
   bool empty() const { return corners.size() < 3; }
+  void clear()
+  {
+    corners.clear();
+    lines.clear();
+  }
 
   /// True if it nowhere turns to the right.
   bool convex() const
@@ -72,12 +83,20 @@ struct Polygon
   }
 
   /// Cut along the line through a and b.
+  /// @param line its number
   /// @param left, right the two sides, seen from a to b; maybe empty
-  void split(const Eigen::Vector2d& a, const Eigen::Vector2d& b, Polygon& left,
+  void split(const Eigen::Vector2d& a, const Eigen::Vector2d& b, int line, Polygon& left,
              Polygon& right) const
   {
-    left.corners.clear();
-    right.corners.clear();
+    left.clear();
+    right.clear();
+    const bool numbered = not lines.empty();
+    auto add = [&](Polygon& side, const Eigen::Vector2d& x, int next)
+    {
+      side.corners.push_back(x);
+      if (numbered)
+        side.lines.push_back(next);
+    };
     const Eigen::Vector2d edge = (b - a).normalized();
     double size = 0;
     for (const Eigen::Vector2d& p : corners)
@@ -93,20 +112,21 @@ struct Polygon
     {
       const Eigen::Vector2d &p = corners[i], &q = corners[(i + 1) % n];
       const double dp = height(p), dq = height(q);
+      const int own = numbered ? lines[i] : -1;
       if (dp >= 0)
-        left.corners.push_back(p);
+        add(left, p, dp == 0 and dq < 0 ? line : own);
       if (dp <= 0)
-        right.corners.push_back(p);
+        add(right, p, dp == 0 and dq > 0 ? line : own);
       if ((dp < 0 and dq > 0) or (dp > 0 and dq < 0))
       {
         const Eigen::Vector2d x = p + dp / (dp - dq) * (q - p);
-        left.corners.push_back(x);
-        right.corners.push_back(x);
+        add(left, x, dq > 0 ? own : line);
+        add(right, x, dq > 0 ? line : own);
       }
     }
     for (Polygon* side : {&left, &right})
       if (side->signed_area() <= 0) // a corner or an edge of the polygon
-        side->corners.clear();
+        side->clear();
   }
 
   /// The part inside of `other`; the parts outside are appended to `rest`.
@@ -119,7 +139,7 @@ struct Polygon
       const Eigen::Vector2d &a = other.corners[i], &b = other.corners[(i + 1) % n];
       if (a == b)
         continue;
-      inside.split(a, b, left, right);
+      inside.split(a, b, other.lines.empty() ? -1 : other.lines[i], left, right);
       if (not right.empty())
         rest.push_back(right);
       std::swap(inside, left);

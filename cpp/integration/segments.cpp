@@ -34,50 +34,139 @@ struct Shadow
   typename Chart<D>::Set set;
   double height; // how far its corners are on average
   int master;
+  int first;           // number of its first corner among all projected ones
+  std::vector<int> at; // which of them follow each other around the set
 };
 
-// Append the set of the projected corners c of master facet g, if it faces the slave: σ σ' τ·τ' <
+// Append the set of the projected corners c of a master facet, if it faces the slave: σ σ' τ·τ' <
 // 0.
-void append(const std::vector<Vector<1>>& c, double facing, double height, int g,
+void append(const std::vector<Vector<1>>& c, double facing, Shadow<2> shadow,
             std::vector<Shadow<2>>& out)
 {
-  const double lo = c[0][0], hi = c[1][0];
-  if ((hi - lo) * facing < 0)
-    out.push_back({{std::min(lo, hi), std::max(lo, hi)}, height, g});
+  const int low = c[0][0] < c[1][0] ? 0 : 1;
+  if ((c[1][0] - c[0][0]) * facing < 0)
+  {
+    shadow.set = {c[low][0], c[1 - low][0]};
+    shadow.at = {low, 1 - low};
+    out.push_back(shadow);
+  }
 }
 
-void append(const std::vector<Vector<2>>& c, double facing, double height, int g,
+void append(const std::vector<Vector<2>>& c, double facing, Shadow<3> shadow,
             std::vector<Shadow<3>>& out)
 {
-  Polygon p{c};
+  const Polygon p{c};
   const double area = p.signed_area();
   if (not(area * facing < 0))
     return;
+  std::vector<int> order(c.size());
+  std::iota(order.begin(), order.end(), 0);
   if (area < 0)
-    std::reverse(p.corners.begin(), p.corners.end());
-  if (p.convex())
-    out.push_back({p, height, g});
+    std::reverse(order.begin(), order.end());
+  auto add = [&](const std::vector<int>& at)
+  {
+    shadow.at = at;
+    shadow.set.clear();
+    for (int i : at)
+      shadow.set.corners.push_back(c[i]);
+    return shadow.set.convex();
+  };
+  if (add(order))
+    out.push_back(shadow);
   else if (c.size() == 4)
-    for (int first : {0, 1}) // one of the diagonals divides it into two triangles
+    for (int i : {0, 1}) // one of the diagonals divides it into two triangles
     {
-      const auto& v = p.corners;
-      const Polygon a{{v[first], v[first + 1], v[first + 2]}};
-      const Polygon b{{v[first + 2], v[(first + 3) % 4], v[first]}};
-      if (a.signed_area() > 0 and b.signed_area() > 0)
-      {
-        out.push_back({a, height, g});
-        out.push_back({b, height, g});
-        break;
-      }
+      const std::vector<int>&o = order, a = {o[i], o[i + 1], o[i + 2]},
+            b = {o[i + 2], o[(i + 3) % 4], o[i]};
+      if (not add(a) or not add(b))
+        continue;
+      out.push_back(shadow);
+      add(a);
+      out.push_back(shadow);
+      break;
     }
 }
 
-// Simplices of a cell: visit(corners c, measure in units of the reference simplex).
+// Lines and ends of cells are numbered by the points they go through: first the corners of the
+// slave facet, in the order of `whole`, then all projected corners.
+struct Lines
+{
+  std::vector<std::array<int, 2>> through;
+
+  void number(Interval& set, const std::vector<int>& at, int first)
+  {
+    set.lo_from = first + at[0];
+    set.hi_from = first + at[1];
+  }
+
+  void number(Polygon& set, const std::vector<int>& at, int first)
+  {
+    for (std::size_t i = 0; i < at.size(); ++i)
+    {
+      set.lines.push_back(static_cast<int>(through.size()));
+      through.push_back({first + at[i], first + at[(i + 1) % at.size()]});
+    }
+  }
+};
+
+template <int D>
+using Motion = Eigen::Matrix<double, D - 1, Eigen::Dynamic>;
+
+// A point that the corners of cells are made of, and how it varies.
+template <int D>
+struct Base
+{
+  Vector<D - 1> c;
+  Motion<D> of;
+};
+
+// How the corners of a cell vary.
+std::vector<Motion<2>> corners_of(const Interval& cell, const Lines&,
+                                  const std::vector<Base<2>>& bases)
+{
+  return {bases[cell.lo_from].of, bases[cell.hi_from].of};
+}
+
+std::vector<Motion<3>> corners_of(const Polygon& cell, const Lines& lines,
+                                  const std::vector<Base<3>>& bases)
+{
+  std::vector<Motion<3>> out;
+  const std::size_t n = cell.corners.size();
+  for (std::size_t i = 0; i < n; ++i)
+  {
+    // on two lines: n_1·δx = n_1·((1 − t) δA + t δB), likewise the other
+    const Eigen::Vector2d& x = cell.corners[i];
+    Eigen::Matrix2d normals;
+    std::array<Motion<3>, 2> on;
+    for (int k : {0, 1})
+    {
+      const auto [a, b] = lines.through[cell.lines[k == 0 ? (i + n - 1) % n : i]];
+      const Eigen::Vector2d edge = bases[b].c - bases[a].c;
+      const double t = edge.dot(x - bases[a].c) / edge.squaredNorm();
+      on[k] = (1 - t) * bases[a].of + t * bases[b].of;
+      normals.row(k) << -edge[1], edge[0];
+      normals.row(k).normalize();
+    }
+    if (std::abs(normals.determinant()) < 1e-6) // it lies inside an edge
+    {
+      out.push_back(on[0]);
+      continue;
+    }
+    Motion<3> rhs(2, on[0].cols());
+    for (int k : {0, 1})
+      rhs.row(k) = normals.row(k) * on[k];
+    out.push_back(normals.inverse() * rhs);
+  }
+  return out;
+}
+
+// Simplices of a cell: visit(its corners' numbers, their points, measure in units of the reference
+// simplex).
 template <typename Visit>
 void simplices(const Interval& cell, Visit visit)
 {
   const std::array<Vector<1>, 2> c = {Vector<1>(cell.lo), Vector<1>(cell.hi)};
-  visit(c, cell.hi - cell.lo);
+  visit(std::array<std::size_t, 2>{0, 1}, c, cell.hi - cell.lo);
 }
 
 template <typename Visit>
@@ -89,8 +178,23 @@ void simplices(const Polygon& cell, Visit visit)
     const std::array<Vector<2>, 3> c = {v[0], v[i - 1], v[i]};
     const double twice = Polygon::cross(c[1] - c[0], c[2] - c[0]);
     if (twice > 0)
-      visit(c, twice);
+      visit(std::array<std::size_t, 3>{0, i - 1, i}, c, twice);
   }
+}
+
+// δ of the measure in `simplices`.
+Motion<2>::RowXpr::PlainObject measure_variation(const std::array<Vector<1>, 2>&,
+                                                 const std::array<Motion<2>, 2>& dc)
+{
+  return dc[1].row(0) - dc[0].row(0);
+}
+
+Motion<3>::RowXpr::PlainObject measure_variation(const std::array<Vector<2>, 3>& c,
+                                                 const std::array<Motion<3>, 3>& dc)
+{
+  const Eigen::Vector2d a = c[1] - c[0], b = c[2] - c[0];
+  const Motion<3> da = dc[1] - dc[0], db = dc[2] - dc[0];
+  return da.row(0) * b[1] - da.row(1) * b[0] + a[0] * db.row(1) - a[1] * db.row(0);
 }
 
 } // namespace
@@ -98,6 +202,7 @@ void simplices(const Polygon& cell, Visit visit)
 template <int D>
 Chart<D>::Chart(const Surface& s, int f)
     : _shape(s.ref.shape)
+    , _nv(s.nv())
 {
   std::array<Vector<D>, 4> x;
   for (int v = 0; v < s.nv(); ++v)
@@ -122,7 +227,9 @@ Chart<D>::Chart(const Surface& s, int f)
     _normal = _a.col(0).cross(_a.col(1)).normalized();
     if (_shape == Shape::quadrilateral)
     {
-      _kappa = project(_origin + hourglass, _normal).template head<Q>();
+      const Vector<D> h = project(_origin + hourglass, _normal);
+      _kappa = h.template head<Q>();
+      _warp = h[D - 1];
       // a facet that folds has no such plane; its cells are then those of straight lines in ξ
       if (not(_kappa.template lpNorm<1>() < 1.9))
         _kappa.setZero();
@@ -172,72 +279,195 @@ auto Chart<D>::xi(const Vector<Q>& c) const -> Vector<Q>
 }
 
 template <int D>
-double Chart<D>::stretch(const Vector<Q>& xi) const
+auto Chart<D>::gradient(const Vector<Q>& xi) const -> Eigen::Matrix<double, Q, Q>
 {
+  Eigen::Matrix<double, Q, Q> J = Eigen::Matrix<double, Q, Q>::Identity();
   if constexpr (D == 3)
-    return 1 + _kappa[0] * (xi[1] - 0.5) + _kappa[1] * (xi[0] - 0.5);
-  return 1;
+  {
+    J.col(0) += (xi[1] - 0.5) * _kappa;
+    J.col(1) += (xi[0] - 0.5) * _kappa;
+  }
+  return J;
 }
 
 template <int D>
-std::vector<CellPoint<D>> Segments<D>::points(const Surface& slave, int f, const Surface& master,
-                                              std::span<const int> near, const Vector<D>& direction,
-                                              const NodalNormals<D>* normals, double reach) const
+auto Chart<D>::dual(const Vector<D>& m) const -> Eigen::Matrix<double, Q, D>
+{
+  Eigen::Matrix<double, D, D> A;
+  A << _a, m;
+  return A.inverse().template topRows<Q>();
+}
+
+// x = o + a_α c^α + s m: δc^α = a^α·(δx − δo − δa_β c^β − s δm), and for m = N
+// a^α·δN = −G^αβ N·δa_β with G^αβ = a^α·a^β
+template <int D>
+auto Chart<D>::variation(const Vector<D>& at, const Vector<D>& m, bool free, bool turns) const
+    -> Eigen::Matrix<double, Q, Eigen::Dynamic>
+{
+  const Eigen::Matrix<double, Q, D> a = dual(m);
+  const Eigen::Matrix<double, Q, Q> G = a * a.transpose();
+  Eigen::Matrix<double, Q, Eigen::Dynamic> out(Q, D * _nv);
+  const bool quadrilateral = _shape == Shape::quadrilateral;
+  for (int v = 0; v < _nv; ++v)
+  {
+    // o = Σ_v origin x_v, a_β = Σ_v tangent_β x_v
+    Vector<Q> tangent;
+    for (int i = 0; i < Q; ++i)
+      tangent[i] = v == 0 ? -1 : v == i + 1 ? 1 : 0;
+    double origin = v == 0;
+    if (quadrilateral)
+    {
+      tangent.array() += v == 0 or v == 3 ? 0.5 : -0.5;
+      origin = 0.25 - 0.5 * tangent.sum();
+    }
+    const double with = (free ? origin : 0) + tangent.dot(at.template head<Q>());
+    out.template middleCols<D>(v * D) = -with * a;
+    if (turns)
+      out.template middleCols<D>(v * D) += at[D - 1] * (G * tangent) * _normal.transpose();
+  }
+  return out;
+}
+
+template <int D>
+auto Chart<D>::kappa_variation() const -> Eigen::Matrix<double, Q, Eigen::Dynamic>
+{
+  if (D == 2 or _kappa.isZero(0))
+    return Eigen::Matrix<double, Q, Eigen::Dynamic>::Zero(Q, D * _nv);
+  Vector<D> at;
+  at << _kappa, _warp;
+  Eigen::Matrix<double, Q, Eigen::Dynamic> out = variation(at, _normal, false, true);
+  const Eigen::Matrix<double, Q, D> a = dual(_normal);
+  for (int v = 0; v < _nv; ++v) // h = x_0 − x_1 − x_2 + x_3
+    out.template middleCols<D>(v * D) += (v == 0 or v == 3 ? 1 : -1) * a;
+  return out;
+}
+
+template <int D>
+CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& master,
+                                  std::span<const int> near, const Vector<D>& direction,
+                                  double reach, bool motion) const
 {
   constexpr int Q = D - 1;
   constexpr double grazing = 0.1; // facets seen at less than 6 degrees are left out
   using Set = typename Chart<D>::Set;
   const Chart<D> chart(slave, f);
+  const bool turns = direction.isZero();
+  const Vector<D> m = turns ? chart.normal() : Vector<D>(direction.normalized());
 
   std::vector<Shadow<D>> shadows;
-  std::vector<Vector<Q>> c;
+  std::vector<Vector<D>> projected; // (c, s) of all corners, in the order around their facets
   for (int g : near)
   {
-    c.clear();
-    double height = 0, nearest = INFINITY;
-    bool seen = true;
-    const double facing = double(slave.sigma[f]) * master.sigma[g];
+    if (std::abs(m.dot(chart.normal())) < grazing)
+      break;
+    Shadow<D> shadow{{}, 0, g, static_cast<int>(projected.size()), {}};
+    std::vector<Vector<Q>> c;
+    double nearest = INFINITY;
     for (int v : around(master.ref.shape))
     {
-      Vector<D> m = direction;
-      if (m.isZero())
-        m = normals ? normals->normal(master, g, v) : chart.normal();
-      seen = seen and std::abs(m.dot(chart.normal())) >= grazing;
-      if (not seen)
-        break;
-      const Vector<D> at = chart.project(corner<D>(master, g, v), m.normalized());
+      projected.push_back(chart.project(corner<D>(master, g, v), m));
+      const Vector<D>& at = projected.back();
       c.push_back(at.template head<Q>());
-      height += std::abs(at[D - 1]) / master.nv();
+      shadow.height += std::abs(at[D - 1]) / master.nv();
       nearest = std::min(nearest, std::abs(at[D - 1]));
     }
-    if (seen and nearest <= reach)
-      append(c, facing, height, g, shadows);
+    if (nearest <= reach)
+      append(c, double(slave.sigma[f]) * master.sigma[g], shadow, shadows);
   }
   // where several facets overlap the nearest one counts
   std::stable_sort(shadows.begin(), shadows.end(),
                    [](const auto& a, const auto& b) { return a.height < b.height; });
 
+  const int nv = slave.nv();
+  Set whole = chart.whole();
+  Lines lines;
+  if (motion)
+  {
+    std::vector<int> own(nv);
+    std::iota(own.begin(), own.end(), 0);
+    lines.number(whole, own, 0);
+    for (Shadow<D>& s : shadows)
+      lines.number(s.set, s.at, nv + s.first);
+  }
   std::vector<Set> sets;
   for (const Shadow<D>& s : shadows)
     sets.push_back(s.set);
   std::vector<Part<Set>> cells;
-  divide<Set>(chart.whole(), sets, cells);
+  divide<Set>(whole, sets, cells);
 
-  std::vector<CellPoint<D>> out;
+  CellPoints<D> out;
+  std::vector<Base<D>> bases;
+  Motion<D> of_kappa;
+  if (motion)
+  {
+    for (const Shadow<D>& s : shadows)
+      out.facets.push_back(s.master);
+    std::sort(out.facets.begin(), out.facets.end());
+    out.facets.erase(std::unique(out.facets.begin(), out.facets.end()), out.facets.end());
+    const int columns = D * (nv + static_cast<int>(out.facets.size()) * master.nv());
+    of_kappa = Motion<D>::Zero(Q, columns);
+    of_kappa.leftCols(D * nv) = chart.kappa_variation();
+    const auto corner_order = around(slave.ref.shape);
+    for (int i = 0; i < nv; ++i)
+    {
+      const Eigen::Map<const Vector<Q>> xi(reference_vertex(slave.ref.shape, corner_order[i]));
+      const double w = D == 2 ? 0 : (xi[0] - 0.5) * (xi[Q - 1] - 0.5);
+      bases.push_back({xi + w * chart.kappa(), w * of_kappa});
+    }
+    bases.resize(nv + projected.size(), {Vector<Q>::Zero(), Motion<D>::Zero(Q, columns)});
+    for (const Shadow<D>& s : shadows)
+    {
+      const auto g = std::lower_bound(out.facets.begin(), out.facets.end(), s.master);
+      const int first = nv + static_cast<int>(g - out.facets.begin()) * master.nv();
+      for (int i = 0; i < master.nv(); ++i)
+      {
+        const Vector<D>& at = projected[s.first + i];
+        Base<D>& base = bases[nv + s.first + i];
+        base.c = at.template head<Q>();
+        base.of.leftCols(D * nv) = chart.variation(at, m, true, turns);
+        base.of.template middleCols<D>(D * (first + around(master.ref.shape)[i])) = chart.dual(m);
+      }
+    }
+  }
   for (const Part<Set>& cell : cells)
+  {
+    std::vector<Motion<D>> of_corners;
+    if (motion)
+      of_corners = corners_of(cell.set, lines, bases);
     simplices(cell.set,
-              [&](const auto& corners, double measure)
+              [&](const auto& at, const auto& corners, double measure)
               {
+                std::array<Motion<D>, D> dc;
+                for (int i = 0; motion and i < D; ++i)
+                  dc[i] = of_corners[at[i]];
                 for (int p = 0; p < _cell.size(); ++p)
                 {
-                  Vector<Q> at = corners[0];
+                  Vector<Q> c = corners[0];
                   for (int i = 0; i < Q; ++i)
-                    at += _cell.points[p * Q + i] * (corners[i + 1] - corners[0]);
-                  const Vector<Q> xi = chart.xi(at);
-                  out.push_back({xi, _cell.weights[p] * measure / chart.stretch(xi),
-                                 cell.other < 0 ? -1 : shadows[cell.other].master});
+                    c += _cell.points[p * Q + i] * (corners[i + 1] - corners[0]);
+                  const Vector<Q> xi = chart.xi(c);
+                  const Eigen::Matrix<double, Q, Q> J = chart.gradient(xi);
+                  out.points.push_back({xi, _cell.weights[p] * measure / J.determinant(),
+                                        cell.other < 0 ? -1 : shadows[cell.other].master});
+                  if (not motion)
+                    continue;
+                  // c = ξ + κ w(ξ): δξ = J⁻¹ (δc − w δκ)
+                  Motion<D> d = dc[0];
+                  for (int i = 0; i < Q; ++i)
+                    d += _cell.points[p * Q + i] * (dc[i + 1] - dc[0]);
+                  Eigen::Matrix<double, D, Eigen::Dynamic> row(D, d.cols());
+                  const double w = D == 2 ? 0 : (xi[0] - 0.5) * (xi[Q - 1] - 0.5);
+                  d = (J.inverse() * (d - w * of_kappa)).eval();
+                  row.bottomRows(Q) = d;
+                  row.row(0) = measure_variation(corners, dc) / measure;
+                  if constexpr (D == 3)
+                    row.row(0) -= (of_kappa.row(0) * (xi[1] - 0.5) + of_kappa.row(1) * (xi[0] - 0.5)
+                                   + chart.kappa()[0] * d.row(1) + chart.kappa()[1] * d.row(0))
+                                  / J.determinant();
+                  out.motion.push_back(std::move(row));
                 }
               });
+  }
   return out;
 }
 

@@ -6,7 +6,7 @@
 // affine facets makes the integral exact.
 #pragma once
 
-#include "../geometry/normals.h"
+#include "../geometry/surface.h"
 #include "convex.h"
 #include "particle_rule.h"
 
@@ -42,14 +42,31 @@ public:
   /// ξ of a point c of the facet.
   Vector<Q> xi(const Vector<Q>& c) const;
 
-  /// |∂c/∂ξ|
-  double stretch(const Vector<Q>& xi) const;
+  /// ∂c/∂ξ
+  Eigen::Matrix<double, Q, Q> gradient(const Vector<Q>& xi) const;
+
+  /// How a projected point (c, s) varies with the facet's corners: (Q, D × corners). The point's
+  /// own share is `dual(m)`.
+  /// @param free true for a point of space, false for a vector (κ is the projection of one)
+  /// @param turns true if m is the plane's normal
+  Eigen::Matrix<double, Q, Eigen::Dynamic> variation(const Vector<D>& at, const Vector<D>& m,
+                                                     bool free, bool turns) const;
+
+  /// ∂c/∂x of a point seen along m.
+  Eigen::Matrix<double, Q, D> dual(const Vector<D>& m) const;
+
+  const Vector<Q>& kappa() const { return _kappa; }
+
+  /// How κ varies with the facet's corners: (Q, D × corners); zero where there is no κ.
+  Eigen::Matrix<double, Q, Eigen::Dynamic> kappa_variation() const;
 
 private:
   Shape _shape;
+  int _nv;
   Vector<D> _origin, _normal;
   Eigen::Matrix<double, D, Q> _a;
   Vector<Q> _kappa = Vector<Q>::Zero();
+  double _warp = 0; // component of the hourglass along the normal
 };
 
 /// A particle of a refined facet.
@@ -59,6 +76,19 @@ struct CellPoint
   Vector<D - 1> xi;
   double weight; ///< in the measure of the reference facet
   int master;    ///< the master facet that its cell lies on, −1: none
+};
+
+/// The particles of a facet, and how they move with the corners of both surfaces.
+template <int D>
+struct CellPoints
+{
+  std::vector<CellPoint<D>> points;
+
+  // if asked for
+  std::vector<int> facets; ///< of the master, whose corners the cells depend on
+  /// Of each point: δ(log weight), then δξ; (D, D × columns), columns: the slave facet's corners,
+  /// then those of `facets`, one facet after the other
+  std::vector<Eigen::Matrix<double, D, Eigen::Dynamic>> motion;
 };
 
 /// Particles on the common refinement.
@@ -76,13 +106,13 @@ public:
   /// reference facet.
   /// @param master facets that may face it; may be empty
   /// @param near numbers of these facets, in an order that no partition changes
-  /// @param direction along which the master's corners are projected; where it is zero their
-  /// interpolated normals, if given, or the slave facet's plane decides
-  /// @param normals of the master, or null
+  /// @param direction along which the master's corners are projected; zero: along the normal of the
+  /// slave facet's plane
   /// @param reach farther facets are left out
-  std::vector<CellPoint<D>> points(const Surface& slave, int f, const Surface& master,
-                                   std::span<const int> near, const Vector<D>& direction,
-                                   const NodalNormals<D>* normals, double reach) const;
+  /// @param motion whether to compute how they move
+  CellPoints<D> points(const Surface& slave, int f, const Surface& master,
+                       std::span<const int> near, const Vector<D>& direction, double reach,
+                       bool motion = false) const;
 
 private:
   ParticleRule _cell;

@@ -144,20 +144,24 @@ void add_open_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double w
           -= wt * B.phi[a / Q] * B.phi[b / Q] * B.tangent[a].dot(B.tangent[b]);
 }
 
-/// Tangent of a closed particle.
-/// @tparam F with friction unknowns
-template <int D, bool F, unsigned Drop = all_terms>
-void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
-                        const Kinematics<D>& k, const FrictionTangent<D>& f, double w,
-                        const Scales& scale, PairMatrix<D>& K)
+/// Small matrices of a closed particle: its rows with z, and with δλ and δΛ in units of the system.
+template <int D, bool F>
+struct ClosedParticle
 {
-  constexpr int Q = D - 1, Z = Kinematics<D>::Z, R = impl::rows<D, F>;
-  const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
-  const Eigen::Matrix<double, R, Z> kz
-      = impl::small_matrix<D, F, Drop>(law, lambda, k, k.z, f, t, w, scale);
+  static constexpr int R = impl::rows<D, F>;
+  Eigen::Matrix<double, R, Kinematics<D>::Z> z;
+  Eigen::Matrix<double, R, 1> lambda = Eigen::Matrix<double, R, 1>::Zero();
+  Eigen::Matrix<double, R, D> Lambda = Eigen::Matrix<double, R, D>::Zero(); ///< if F
+};
 
-  // with δλ, in units of the system
-  Eigen::Matrix<double, R, 1> kl = Eigen::Matrix<double, R, 1>::Zero();
+template <int D, bool F, unsigned Drop = all_terms>
+ClosedParticle<D, F> closed_particle(const ContactLaw& law, double lambda, const Kinematics<D>& k,
+                                     const FrictionTangent<D>& f, double w, const Scales& scale)
+{
+  ClosedParticle<D, F> out;
+  const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
+  out.z = impl::small_matrix<D, F, Drop>(law, lambda, k, k.z, f, t, w, scale);
+  auto& kl = out.lambda;
   if constexpr (not(Drop & traction_multiplier))
     kl.template head<D>() -= w * scale.pressure * k.n;
   if constexpr (F)
@@ -168,18 +172,9 @@ void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double
     if constexpr (not(Drop & row_multiplier))
       if (not f.frozen)
         kl.template tail<D>() = w * scale.friction * scale.pressure * f.row_of_limit(law);
-  }
 
-  // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master
-  Eigen::Matrix<double, R, Eigen::Dynamic, 0, R, max_unknowns<D>> C(R, B.size());
-  for (int a = 0; a < B.slave; ++a)
-    C.template middleCols<D>(a * D) = B.N[a] * kz.template leftCols<D>();
-  for (int a = 0; a < B.multiplier; ++a)
-    C.col(B.first_multiplier() + a) = B.psi[a] * kl;
-  if constexpr (F)
-  {
     // with δΛ: δ(TΛ) = T R δΛ, δp = DP δ(TΛ); where friction does not act only −κ δΛ
-    Eigen::Matrix<double, R, D> kt = Eigen::Matrix<double, R, D>::Zero();
+    auto& kt = out.Lambda;
     if (f.acts)
     {
       const Eigen::Matrix<double, D, D> dp = f.DP * f.of_Lambda;
@@ -190,9 +185,30 @@ void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double
     }
     kt.template bottomRows<D>().diagonal().array()
         -= w * scale.friction * scale.friction * (f.acts ? f.rest : law.kappa);
-    for (int a = 0; a < B.friction * Q; ++a)
-      C.col(B.first_friction() + a) = B.phi[a / Q] * (kt * B.tangent[a]);
   }
+  return out;
+}
+
+/// Tangent of a closed particle.
+/// @tparam F with friction unknowns
+template <int D, bool F, unsigned Drop = all_terms>
+void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
+                        const Kinematics<D>& k, const FrictionTangent<D>& f, double w,
+                        const Scales& scale, PairMatrix<D>& K)
+{
+  constexpr int Q = D - 1, R = impl::rows<D, F>;
+  const ClosedParticle<D, F> small = closed_particle<D, F, Drop>(law, lambda, k, f, w, scale);
+  const auto& kz = small.z;
+
+  // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master
+  Eigen::Matrix<double, R, Eigen::Dynamic, 0, R, max_unknowns<D>> C(R, B.size());
+  for (int a = 0; a < B.slave; ++a)
+    C.template middleCols<D>(a * D) = B.N[a] * kz.template leftCols<D>();
+  for (int a = 0; a < B.multiplier; ++a)
+    C.col(B.first_multiplier() + a) = B.psi[a] * small.lambda;
+  if constexpr (F)
+    for (int a = 0; a < B.friction * Q; ++a)
+      C.col(B.first_friction() + a) = B.phi[a / Q] * (small.Lambda * B.tangent[a]);
   for (int a = 0; a < B.master; ++a)
   {
     auto column = C.template middleCols<D>(B.first_master() + a * D);
@@ -217,6 +233,57 @@ FieldColumns<D> field_columns(const CouplingBasis<D>& B, const ContactLaw& law, 
   FieldColumns<D> out = FieldColumns<D>::Zero(B.size(), D);
   impl::expand_rows<D, F>(B, impl::small_matrix<D, F, Drop>(law, lambda, k, v, f, t, w, scale),
                           out);
+  return out;
+}
+
+/// How what a particle sees changes when it moves along ξ^β of the slave's facet.
+template <int D>
+struct Rates
+{
+  Vector<D> x = Vector<D>::Zero(), x_old = x; ///< its position, now and at the last accepted step
+  Vector<D> e = Vector<D>::Zero();            ///< direction of (F5)
+  double lambda = 0;
+  Vector<D> Lambda = Vector<D>::Zero();
+};
+
+/// Derivative of a closed particle's residual along ξ^β, all unknowns held. (Not of n_0: that turns
+/// Λ about an axis of the tangential plane, which its projection does not see to first order.)
+/// @param along derivatives ∂_β of the slave's bases, without a master
+template <int D, bool F>
+PairVector<D> closed_rate(const CouplingBasis<D>& B, const CouplingBasis<D>& along,
+                          const ContactLaw& law, double lambda, const Kinematics<D>& k,
+                          const Vector<D>& Lambda, const FrictionTangent<D>& f,
+                          const Rates<D>& rate, double w, const Scales& scale)
+{
+  const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
+  PairVector<D> out = PairVector<D>::Zero(B.size());
+  add_residual<D>(along, law, true, lambda, k.gap, t, Lambda, f, w, scale, out);
+
+  const ClosedParticle<D, F> small = closed_particle<D, F>(law, lambda, k, f, w, scale);
+  Eigen::Matrix<double, impl::rows<D, F>, 1> column
+      = small.z.template leftCols<D>() * rate.x + small.lambda * (rate.lambda / scale.pressure);
+  column += impl::small_matrix<D, F, all_terms>(law, lambda, k, k.e, f, t, w, scale) * rate.e;
+  if constexpr (F)
+  {
+    column += small.Lambda * (rate.Lambda / scale.friction);
+    Variation<D, 1> slip;
+    slip.slip = k.slip_of_old * rate.x_old;
+    column += impl::small_matrix<D, F, all_terms>(law, lambda, k, slip, f, t, w, scale);
+  }
+  impl::expand_rows<D, F>(B, column, out);
+  return out;
+}
+
+/// The same of an open one.
+template <int D>
+PairVector<D> open_rate(const CouplingBasis<D>& B, const CouplingBasis<D>& along,
+                        const ContactLaw& law, double lambda, const Vector<D>& Lambda,
+                        const Rates<D>& rate, double w, const Scales& scale)
+{
+  PairVector<D> out = PairVector<D>::Zero(B.size());
+  const Vector<D> zero = Vector<D>::Zero();
+  add_residual<D>(along, law, false, lambda, 0, zero, Lambda, {}, w, scale, out);
+  add_residual<D>(B, law, false, rate.lambda, 0, zero, rate.Lambda, {}, w, scale, out);
   return out;
 }
 

@@ -59,6 +59,7 @@ void visit_cells(const FacetProjection<3>& facet, Shape shape, Visit visit,
   // root these may be large
   const bool biquadratic = shape == Shape::quadrilateral and not facet.straight();
   cell.radius = level == 0 and biquadratic ? INFINITY : width * first + width * width * second;
+  cell.radius *= 1 + 1e-7; // corners lie on its surface, and ξ may be 1e-8 outside of its facet
   cell.bend = 2 * width * bend(p);
   if (not visit(cell) or cell.smallest())
     return;

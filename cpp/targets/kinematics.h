@@ -92,6 +92,7 @@ struct Kinematics
   Vector<D> r = Vector<D>::Zero();    ///< x¹ − x²
   double gap = -INFINITY;             ///< d_n, positive in penetration
   Vector<D> slip = Vector<D>::Zero(); ///< ⟦Δu⟧
+  Eigen::Matrix<double, D, D> slip_of_old = Eigen::Matrix<double, D, D>::Zero(); ///< ∂⟦Δu⟧/∂x¹_old
 
   Variation<D, Z> z;
   Variation<D, D> m, e;
@@ -125,6 +126,7 @@ struct Slip
   using Matrix = Eigen::Matrix<double, D, D>;
   Vector<D> value = Vector<D>::Zero();
   Matrix jump = Matrix::Zero();                                         ///< with ⟦u⟧
+  Matrix old = Matrix::Zero();                                          ///< with x¹_old
   std::array<Matrix, Q> gradient;                                       ///< with ∂_α u²
   Eigen::Matrix<double, D, Q> xi = Eigen::Matrix<double, D, Q>::Zero(); ///< with ξ
 
@@ -142,6 +144,7 @@ struct Slip
     Slip s;
     s.value = p.tau * c;
     s.jump = p.tau * now.inverse * p.tau.transpose();
+    s.old = -p.tau * then.inverse * old.tau.transpose();
     for (int a = 0; a < Q; ++a)
       s.gradient[a] = c[a] * Matrix::Identity() + p.tau * now.inverse.col(a) * now.rest.transpose()
                       - now.c[a] * s.jump;
@@ -157,6 +160,7 @@ struct Slip
     Slip s;
     s.value = r - r_old;
     s.jump.setIdentity();
+    s.old = -Matrix::Identity();
     s.gradient.fill(Matrix::Zero());
     s.xi = old.tau - p.tau;
     return s;
@@ -406,6 +410,7 @@ Kinematics<D> linearise(const Surface& master, const Target<D>& t, const Vector<
   if (slip)
   {
     k.slip = slip->value;
+    k.slip_of_old = slip->old;
     k.z.slip.template leftCols<D>() = slip->jump;
     if constexpr (not(Drop & slip_gradient))
       for (int a = 0; a < Q; ++a)
