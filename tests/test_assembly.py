@@ -153,6 +153,8 @@ def test_any_partition(cell, target, partition, record_property):
         assert error < 1e-13
     table = c.particles()
     for key, values in alone.particles().items():
+        if key == "row":  # the facet's place on this rank
+            continue
         atol = 0 if values.dtype.kind in "bi" else 1e-13  # bodies of size 1, forces below 1
         assert np.allclose(table[key], values, rtol=0, atol=atol, equal_nan=True)
 

@@ -86,12 +86,12 @@ class Around:
 
     def __init__(self, pair, contact, weight):
         powers, coefficients, _ = pair._psi
-        points = pair._rule.points
-        psi = np.prod(points[:, None, :] ** powers[None], axis=2) @ coefficients.T
+        table = pair._solved()
+        psi = np.prod(table["xi"][:, None, :] ** powers[None], axis=2) @ coefficients.T
         self.index_map = pair.pressure.function_space.dofmap.index_map
         self.numbers = compat.global_indices(self.index_map)
-        self.nodes = self.numbers[contact._multiplier_nodes]
-        self.factors = weight.reshape(-1, len(points), 1) * psi
+        self.nodes = self.numbers[contact._multiplier_nodes][table["row"]]
+        self.factors = weight[:, None] * psi
         self.size = 1.0
         self.size = self(np.ones(len(weight)))[:, 0]
 
@@ -99,9 +99,9 @@ class Around:
         """(particles, …) to (all nodes, components)"""
         values = np.asarray(values, dtype=float)
         components = values.shape[1] if values.ndim > 1 else 1
-        rows = values.reshape(*self.factors.shape[:2], components)
-        sums = np.zeros((self.index_map.size_global, rows.shape[2]))
-        np.add.at(sums, self.nodes, np.einsum("fpa,fpk->fak", self.factors, rows))
+        rows = values.reshape(-1, 1, components)
+        sums = np.zeros((self.index_map.size_global, components))
+        np.add.at(sums, self.nodes, self.factors[:, :, None] * rows)
         return COMM.allreduce(sums) / np.reshape(self.size, (-1, 1))
 
     def of_owners(self, values):
@@ -260,6 +260,9 @@ class Judge:
                 self.caught[name] |= {k for k, v in found.items() if not v <= TOLERANCES[k]}
             particles = pair.particles
             self.seen |= set(COMM.allreduce(list(particles.status)))
+            if pair.integration.refined:  # its particles are others in the next step
+                self._before.pop(contact, None)
+                continue
             normals = -contact.assembler.slave_normals(pair._rule.points, True)
             normals = normals.reshape(-1, pair.slave.dim)
             self._before[contact] = particles.status != "open", normals
