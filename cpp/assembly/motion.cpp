@@ -78,6 +78,12 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
 
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> block
       = Eigen::MatrixXd::Zero(dofs.size(), columns.size());
+  // columns of the slave facet, then of one master facet after the other
+  auto for_groups = [&](auto visit)
+  {
+    for (Eigen::Index first = 0, n; first < block.cols(); first += n)
+      visit(first, n = D * (first == 0 ? _slave.nv() : _master.nv()));
+  };
   std::vector<Vector<D>> tangents, same;
   BasisValues P, M;
   Sample here, along;
@@ -109,7 +115,8 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
       _friction.basis.tabulate(s.xi.data(), phi);
 
     const auto& motion = cells.motion[p];
-    Eigen::RowVectorXd log_w = motion.row(0);
+    Eigen::Matrix<double, Eigen::Dynamic, D> with(dofs.size(), D); // with log w and ξ
+    with.col(0) = r;
     for (int b = 0; b < Q; ++b)
     {
       std::copy_n(here.position.dN[b], BasisValues::max_nodes, along.position.N);
@@ -122,23 +129,27 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
           = s.closed ? closed_rate<D, F>(B, Bb, law, s.lambda, k, s.Lambda, friction, rate,
                                          s.weight, _options.scale)
                      : open_rate<D>(B, Bb, law, s.lambda, s.Lambda, rate, s.weight, _options.scale);
-      block += d * motion.row(1 + b);
-      log_w += measure_rate<D>(X, b, _particles.axisymmetric) * motion.row(1 + b);
+      with.col(1 + b) = d + measure_rate<D>(X, b, _particles.axisymmetric) * r;
     }
-    block += r * log_w;
+    for_groups(
+        [&](Eigen::Index first, Eigen::Index n)
+        {
+          if (not motion.middleCols(first, n).isZero(0))
+            block.middleCols(first, n).noalias() += with.lazyProduct(motion.middleCols(first, n));
+        });
   }
 
   // cells depend on few of the facets around, and the pattern has no place for the others
-  const Eigen::Index width = D * _master.nv();
-  for (Eigen::Index first = 0, n; first < block.cols(); first += n)
-  {
-    n = first == 0 ? D * _slave.nv() : width;
-    if (block.middleCols(first, n).isZero(0))
-      continue;
-    const decltype(block) part = block.middleCols(first, n);
-    check(MatSetValues(A, dofs.size(), dofs.data(), n, &columns[first], part.data(), ADD_VALUES),
-          "MatSetValues (motion of particles)");
-  }
+  for_groups(
+      [&](Eigen::Index first, Eigen::Index n)
+      {
+        if (block.middleCols(first, n).isZero(0))
+          return;
+        const decltype(block) part = block.middleCols(first, n);
+        check(
+            MatSetValues(A, dofs.size(), dofs.data(), n, &columns[first], part.data(), ADD_VALUES),
+            "MatSetValues (motion of particles)");
+      });
 }
 
 // the members of this file; assembler.cpp instantiates the others
