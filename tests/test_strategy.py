@@ -220,7 +220,8 @@ def test_trial_points_leave_no_trace():
     assert not system.changes.any()
     for name, values in table(problem).items():
         np.testing.assert_array_equal(values, before[name], err_msg=name)
-    np.testing.assert_array_equal(b.array, force)
+    # shares of other ranks are added in the order in which they arrive: round-off of a few terms
+    np.testing.assert_allclose(b.array, force, rtol=0, atol=1e-14 * norm)
 
 
 # -- the augmentation parameters ------------------------------------------------------------------
