@@ -301,13 +301,12 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
         continue;
       dofs_of(f, t, dofs);
       insert(dofs);
-      if (_particles.refined and t >= 0)
+      if (_particles.refined and t >= 0) // cells may end at the facets around (motion_tangent)
         for (int k = _near_offset[t]; k < _near_offset[t + 1]; ++k)
           if (const int g = _near[k]; _master.candidate[g])
           {
-            ring.assign(_master.local.begin() + g * _master.nu(),
-                        _master.local.begin() + (g + 1) * _master.nu());
-            const std::vector<std::int32_t> nodes(ring.begin(), ring.end());
+            const auto first = _master.local.begin() + g * _master.nu();
+            const std::vector<std::int32_t> nodes(first, first + _master.nu());
             node_dofs(nodes, _master_dofs, ring);
             insert(ring);
           }
