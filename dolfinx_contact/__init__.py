@@ -20,6 +20,7 @@ from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
 from .report import Report
+from .rigid_mesh import RigidMesh
 from .rules import (
     Gauss,
     Lobatto,
@@ -34,7 +35,14 @@ from .rules import (
 from .stepping import LoadStepping, Step
 from .strategy import FixedPoint, Newton
 from .surface import Surface
-from .tools import RigidPlane
+from .tools import (
+    RigidComposite,
+    RigidCylinder,
+    RigidPlane,
+    RigidSphere,
+    RigidTool,
+    RigidTorus,
+)
 
 __version__ = "0.1.0"
 __all__ = [
@@ -52,7 +60,13 @@ __all__ = [
     "Particles",
     "Proximity",
     "Report",
+    "RigidComposite",
+    "RigidCylinder",
+    "RigidMesh",
     "RigidPlane",
+    "RigidSphere",
+    "RigidTool",
+    "RigidTorus",
     "SeekDirection",
     "Segments",
     "Simpson",

@@ -30,6 +30,7 @@ class _Body:
     block: int
     nodes: npt.NDArray[np.int64]  # owned local nodes
     names: list[str]
+    tool: npt.NDArray[np.int64] | None = None  # a rigid tool: its translation in the block
 
 
 class Bodies:
@@ -38,9 +39,10 @@ class Bodies:
     Args:
         layout: numbering of the system
         surfaces: name, surface and block of its displacement, of all pairs
+        driven: tools that forces drive
     """
 
-    def __init__(self, layout: Layout, surfaces: Sequence[tuple[str, Any, int]]):
+    def __init__(self, layout: Layout, surfaces: Sequence[tuple[str, Any, int]], driven: Any):
         self._layout, self._comm = layout, layout.comm
         self._loose: list[_Body] = []
         for block in sorted({block for _, _, block in surfaces}):
@@ -56,6 +58,10 @@ class Bodies:
                 found = _Body(block, np.flatnonzero(number[:owned] == body), sorted(names[body]))
                 if not self._clamped(found):
                     self._loose.append(found)
+        for i, tool in enumerate(driven.tools):
+            at = 2 * tool.dim * i + np.arange(tool.dim)
+            name = f"{type(tool).__name__} driven by a force"
+            self._loose.append(_Body(driven.block, np.zeros(0, dtype=np.int64), [name], at))
 
     def _bodies_of(self, surface: Any, V: Any, number: npt.NDArray[Any], count: int) -> Any:
         nodes = compat.global_indices(V.dofmap.index_map)
@@ -71,6 +77,12 @@ class Bodies:
 
     def _modes(self, body: _Body, moved: bool) -> tuple[npt.NDArray[np.float64], list[str]]:
         """Rigid motions as columns over the owned dofs of the body's block, and their names."""
+        if body.tool is not None:
+            part, dim = self._layout.slice(body.block), len(body.tool)
+            modes = np.zeros((part.stop - part.start, dim))
+            if len(modes):
+                modes[body.tool, np.arange(dim)] = 1
+            return modes, [f"translation along {axis}" for axis in "xyz"[:dim]]
         u = self._layout.functions[body.block]
         dim = u.function_space.mesh.geometry.dim
         x = u.function_space.tabulate_dof_coordinates()[body.nodes, :dim]

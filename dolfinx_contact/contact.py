@@ -20,6 +20,7 @@ from .pair import ContactPair
 from .projection import Projection
 from .rules import SeekDirection, SlaveNormal
 from .surface import Surface
+from .tools import compose
 
 
 class NodeValues:
@@ -79,6 +80,10 @@ class PairAssembly:
         slave, master, multiplier: blocks of the two displacements and of λ in the layout; no master
             for a rigid tool
         friction: block of Λ; None without friction
+        tool_dofs: system dofs of the translations of the pair's tools, (tools, dim), −1 if prescribed
+
+    Attributes:
+        tool_of_piece: number of the tool of each piece, and −1 at the end
     """
 
     def __init__(
@@ -89,6 +94,7 @@ class PairAssembly:
         master: int | None,
         multiplier: int,
         friction: int | None,
+        tool_dofs: npt.NDArray[Any],
     ):
         self.pair, self._layout = pair, layout
         self._comm, self._shape = pair.comm, getattr(_cpp.Shape, pair.slave.shape)
@@ -103,9 +109,8 @@ class PairAssembly:
         slave_dofs = layout.node_dofs(slave, ringed.node_table, held)
         self._own, self._ringed_slave = own, ringed
 
-        self._tool = pair.master if master is None else None
         sizes = own.diameters()
-        if self._tool is None:
+        if not pair.tools:
             master_own = _cpp_surface(pair.master)
             self._num_own = len(master_own)
             self._ringed = _cpp.with_ring(self._comm.py2f(), master_own)
@@ -122,6 +127,7 @@ class PairAssembly:
         self._multiplier_nodes = local_dofs(pair, pair._multiplier, len(pair._psi[2]))
         with together(self._comm, "contact set-up"):
             self.assembler = self._make(own, ringed, slave_dofs)
+        self._make_tool(tool_dofs)
         self._excluded = self._exclude(pair._multiplier, pair.pressure_space, pair._psi)
         self.held = self._excluded.copy()
         self._friction = None
@@ -193,16 +199,41 @@ class PairAssembly:
             pair.axisymmetric,
         )
 
+    def _make_tool(self, dofs: npt.NDArray[Any]) -> None:
+        """Give the assembler the pieces of the pair's tools."""
+        pair, tools = self.pair, self.pair.tools
+        self._parts = [
+            (i, leaf, place) for i, tool in enumerate(tools) for leaf, place in tool._parts()
+        ]
+        self.tool_of_piece = np.array([i for i, _, _ in self._parts] + [-1])
+        if not tools:
+            return
+        self._tool = (_cpp.RigidTool2 if pair.slave.dim == 2 else _cpp.RigidTool3)()
+        search = {
+            "target": getattr(_cpp.TargetRule, pair.target.kind),
+            "normals": getattr(_cpp.NormalRule, pair.normals),
+            "radius": self._radius,
+            "end_tolerance": pair.target.end_tolerance,
+            "crease": np.deg2rad(pair.crease),
+        }
+        with together(self._comm, "contact set-up"):
+            for _, leaf, _ in self._parts:
+                leaf._add(self._tool, search)
+            self.assembler.set_tool(self._tool, dofs[self.tool_of_piece[:-1]])
+
+    def _motions(self) -> list[npt.NDArray[np.float64]]:
+        """Present motion of each piece."""
+        return [compose(self.pair.tools[i].motion(), place) for i, _, place in self._parts]
+
     # -- at the start of a step -----------------------------------------------------------------
 
     def remember(self) -> None:
         """The present displacements are those of the last accepted step: slips start there."""
         slave = compat.petsc_vec(self.pair.slave.u).copy()
         master = None
-        if self._tool is None:
+        if not self.pair.tools:
             master = compat.petsc_vec(self.pair.master.u).copy()
-        else:
-            self._old_motion = self._tool.motion()
+        self._old_motions = self._motions()
         self._old = slave, master
         if self._friction is not None:
             self._friction.accept()
@@ -211,7 +242,7 @@ class PairAssembly:
     def _tell_old(self) -> None:
         """Give the assembler the old displacements. Collective."""
         slave, master = self._old
-        if self._tool is not None:
+        if self.pair.tools:
             self.assembler.remember(self._slave_values(slave), np.zeros(0))
         elif np.isfinite(self._changed_since):  # there are master facets
             self.assembler.remember(self._slave_values(slave), self._master_values(master))
@@ -259,6 +290,21 @@ class PairAssembly:
         dofs = self._layout.local_dofs(self.multiplier_block)
         self.assembler.set_multiplier_dofs(np.where(self.held, -1, dofs))
 
+    def clearance(self, tool: Any) -> tuple[float, float, float]:
+        """How far a tool is from the slave: smallest gap, the gap that counts as none, and how far
+        targets are searched. Collective."""
+        table = self.assembler.particles()
+        on = self.tool_of_piece[table["piece"]] == self.pair.tools.index(tool)
+        gap = self._comm.allreduce(float(table["gap"][on].min(initial=np.inf)), op=MPI.MIN)
+        return gap, 0.5 * self.pair.initial_contact * self.facet_size(), self._radius
+
+    def touching(self, tool: Any) -> int:
+        """Number of this rank's closed particles on a tool."""
+        if tool not in self.pair.tools:
+            return 0
+        counts = self.assembler.touching()
+        return int(counts[self.tool_of_piece[:-1] == self.pair.tools.index(tool)].sum())
+
     def held_rows(self) -> npt.NDArray[Any]:
         """System dofs of the held multipliers that this rank owns."""
         rows = [self._owned(self.multiplier_block, self.held)]
@@ -289,20 +335,20 @@ class PairAssembly:
         """
         slave_u, master_u = self._old if at_rest else (None, None)
         slave = self._slave_values(slave_u)
-        ringed = self._ringed_values(master_u) if self._tool is None else np.zeros(0)
+        ringed = np.zeros(0) if self.pair.tools else self._ringed_values(master_u)
         with together(self._comm, "contact search"):
             if not (np.isfinite(slave).all() and np.isfinite(ringed).all()):
                 raise ContactError(
                     "the displacement of a contact surface is not finite (nan or inf); give u and"
                     " the Dirichlet conditions finite values before solve()"
                 )
-        if self._tool is None:
+        if not self.pair.tools:
             self._exchange(slave, ringed)
             master = self._master_values(master_u)
         else:
-            master = np.zeros(0)
-            now = self._old_motion if at_rest else self._tool.motion()
-            self._tool._place(self.assembler, now, self._old_motion)
+            master, old = np.zeros(0), self._old_motions
+            for piece, now in enumerate(old if at_rest else self._motions()):
+                self._tool.move(piece, now, old[piece])
         friction = self.pair._semi_multiplier
         changes = [0, 0, 0]
         with together(self._comm, "contact search"):

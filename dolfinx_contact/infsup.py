@@ -29,7 +29,6 @@ from .layout import Layout
 from .pair import ContactPair
 from .rules import Nodes, basis_values
 from .surface import _CONTINUOUS
-from .tools import RigidPlane
 
 # Shift of the eigenvalues −β², which are pure numbers: far below the β² of a sound choice and of the
 # bad ones (1e-8 already, on fine meshes), so that these are told apart, and far above round-off.
@@ -74,7 +73,7 @@ def constant(pair: ContactPair, h: float | None = None) -> float:
 
 def _constant(pair: ContactPair) -> tuple[float, float]:
     """β with the mean diameter of the slave's facets, and this diameter. Collective."""
-    u, rigid = [pair.slave.u], isinstance(pair.master, RigidPlane)
+    u, rigid = [pair.slave.u], bool(pair.tools)
     if not rigid and pair.master.u is not pair.slave.u:
         u.append(pair.master.u)
     layout = Layout(pair.comm, [*u, pair._multiplier], [])

@@ -23,6 +23,7 @@ class Layout:
         comm: communicator of the system
         functions: the unknowns
         bcs: Dirichlet conditions on them
+        scalars: number of further unknowns, owned by rank 0: the last block
 
     Attributes:
         offsets: where each block starts among this rank's owned dofs; (blocks + 1,)
@@ -30,11 +31,12 @@ class Layout:
         start: first of them in the system
     """
 
-    def __init__(self, comm: Any, functions: Sequence[Any], bcs: Sequence[Any]):
+    def __init__(self, comm: Any, functions: Sequence[Any], bcs: Sequence[Any], scalars: int = 0):
         self.comm, self.functions = comm, list(functions)
         maps = [f.function_space.dofmap for f in functions]
         self.block_sizes = [m.index_map_bs for m in maps]
         sizes = [m.index_map.size_local * m.index_map_bs for m in maps]
+        sizes.append(scalars if comm.rank == 0 else 0)
         self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self.owned = int(self.offsets[-1])
 

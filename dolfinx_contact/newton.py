@@ -146,7 +146,8 @@ class NewtonLoop:
         progress = len(recent) < _PATIENCE or norms[-1] <= 0.5 * min(recent)
         trial, b, tried = x.duplicate(), x.duplicate(), []
         system.mark()
-        for length in (1.0, 0.5, 0.25, 0.125):
+        most = system.driven.longest(step)
+        for length in (most, 0.5 * most, 0.25 * most, 0.125 * most):
             if tried:
                 system.recall()
             trial.waxpy(-length, step, x)

@@ -26,7 +26,7 @@ from .rules import (
     check_determined,
 )
 from .surface import Surface, basis_polynomials, check_available, check_tags
-from .tools import RigidPlane
+from .tools import RigidTool
 
 
 class ContactPair:
@@ -37,7 +37,8 @@ class ContactPair:
 
     Args:
         slave: carries the particles and the multipliers
-        master: carries the targets: a Surface, or a rigid tool (RigidPlane)
+        master: carries the targets: a Surface, a rigid tool (RigidPlane, RigidSphere, RigidMesh, …),
+            or a list of tools, each with its own motion; the nearest one counts
         friction: Coulomb's coefficient μ, ≥ 0. Friction acts on particles that touched at the last
             accepted step, or were then within initial_contact: one that closes in a step has no
             slip before it does, so that bodies that meet should do so in a few load steps
@@ -70,6 +71,7 @@ class ContactPair:
 
     Attributes:
         slave, master: the surfaces
+        tools: the master's rigid tools; none for a Surface
         pressure: nominal contact pressure, ≥ 0 in compression; Function on slave.mesh, of the last
             accepted solution
         friction: nominal friction traction on the slave, a vector [pressure]: the projection of the
@@ -80,7 +82,7 @@ class ContactPair:
     def __init__(
         self,
         slave: Surface,
-        master: Surface | RigidPlane,
+        master: Surface | RigidTool | list[RigidTool],
         *,
         friction: float = 0.0,
         target: Smooth | Proximity | SeekDirection | SlaveNormal = Smooth(),
@@ -97,14 +99,10 @@ class ContactPair:
         initial_contact: float = 1e-3,
         augmented: bool = False,
     ):
-        for name, surface in (("slave", slave), ("master", master)):
-            tool = name == "master" and isinstance(surface, RigidPlane)
-            if not isinstance(surface, Surface) and not tool:
-                raise InputError(
-                    f"ContactPair: {name} is a {type(surface).__name__}; give a Surface"
-                    + (" or a rigid tool." if name == "master" else ".")
-                )
+        if not isinstance(slave, Surface):
+            raise InputError(f"ContactPair: slave is a {type(slave).__name__}; give a Surface.")
         self.slave, self.master = slave, master
+        self.tools = [] if isinstance(master, Surface) else _tools(master, slave.dim)
         self.comm = slave.comm
         self.target, self.integration = target, integration
         if normals is None:
@@ -152,7 +150,7 @@ class ContactPair:
 
     def _check(self) -> None:
         slave, master = self.slave, self.master
-        rigid = isinstance(master, RigidPlane)
+        rigid = bool(self.tools)
         if not isinstance(self.target, (Smooth, Proximity, SeekDirection, SlaveNormal)):
             raise InputError(
                 f"ContactPair: target is {self.target!r}; give Smooth(), Proximity(),"
@@ -163,7 +161,7 @@ class ContactPair:
                 f"ContactPair: integration is {self.integration!r}; give Simpson(n),"
                 " Segments(degree), Gauss(degree), Lobatto(points) or Nodes()."
             )
-        if slave.dim != master.dim:
+        if not rigid and slave.dim != master.dim:
             raise InputError(
                 f"ContactPair: the slave is in {slave.dim} and the master in {master.dim}"
                 " dimensions; give surfaces of the same space."
@@ -289,7 +287,9 @@ class ContactPair:
         that results must not be asked from it."""
         assembler = contact.assembler
         self.pressure.x.array[:] = 0.0 - self._multiplier.x.array
-        self._accepted = {**assembler.particles(), "slave": assembler.slave.x[: assembler.own]}
+        table = assembler.particles()
+        table["tool"] = contact.tool_of_piece[table["piece"]]  # the last one is −1, none
+        self._accepted = {**table, "slave": assembler.slave.x[: assembler.own]}
         self._dissipated = assembler.dissipated()
         if self.frictional:
             table = self._accepted
@@ -330,6 +330,29 @@ class ContactPair:
         return float(self.comm.allreduce(table["weight"][table["closed"]].sum()))
 
 
+def _tools(master: Any, dim: int) -> list[RigidTool]:
+    """The rigid tools that a master stands for."""
+    tools = [master] if isinstance(master, RigidTool) else master
+    if (
+        not isinstance(tools, (list, tuple))
+        or not tools
+        or not all(isinstance(t, RigidTool) for t in tools)
+    ):
+        raise InputError(
+            f"ContactPair: master is a {type(master).__name__}; give a Surface, a rigid tool, or a"
+            " list of rigid tools."
+        )
+    for tool in tools:
+        if tool.dim != dim:
+            raise InputError(
+                f"ContactPair: the slave is in {dim} and a {type(tool).__name__} in {tool.dim}"
+                " dimensions; give a tool of the same space."
+            )
+    if len(set(map(id, tools))) < len(tools):
+        raise InputError("ContactPair: a tool is given twice; give each tool once.")
+    return list(tools)
+
+
 def _tangential(table: dict[str, Any]) -> npt.NDArray[np.float64]:
     """Friction traction of each particle, (n, dim)."""
     t, n = table["traction"], np.nan_to_num(table["normal"])
@@ -356,6 +379,7 @@ class Particles:
         weight: its part of the slave's reference area [area]
         facet, target_facet: numbers of its facet and of its target's (−1: none), which do not
             depend on the partition
+        tool: number of the pair's tool that its target is on, −1 without one
     """
 
     reference: npt.NDArray[np.float64]
@@ -372,6 +396,7 @@ class Particles:
     weight: npt.NDArray[np.float64]
     facet: npt.NDArray[np.int64]
     target_facet: npt.NDArray[np.int64]
+    tool: npt.NDArray[np.int64]
     comm: Any = None
 
     @classmethod
@@ -396,6 +421,7 @@ class Particles:
             weight=table["weight"],
             facet=table["facet"],
             target_facet=table["target_facet"],
+            tool=table["tool"],
             comm=comm,
         )
 

@@ -77,6 +77,8 @@ class ContactProblem:
         self.petsc_options = dict(petsc_options or {})
         self.system = System(forms, unknowns, jacobian, self.pairs, list(bcs))
         self.report: Report | None = None
+        for tool in {id(t): t for pair in self.pairs for t in pair.tools}.values():
+            tool._pairs = [(p, p.tools.index(tool)) for p in self.pairs if tool in p.tools]
 
     def solve(self) -> Report:
         """Solve for the present loads and Dirichlet values, from the present u. Collective.
@@ -90,16 +92,16 @@ class ContactProblem:
             ContactError: on all ranks, if u or a Dirichlet value on a surface is not finite
         """
         system = self.system
-        before = [f.x.array.copy() for f in system.functions]
+        before = system.values()
         try:
             report = self.strategy.solve(system, self.petsc_options)
         except BaseException:
-            self._restore(before)
+            system.fill(before)
             raise
         self.report = report
         if not report.converged:
             free = system.bodies.unheld(system.A)
-            self._restore(before)
+            system.fill(before)
             hint = "Take a smaller load step."
             if free is not None:
                 hint = f"On the way contact was lost, and {free}. " + hint
@@ -116,11 +118,20 @@ class ContactProblem:
         system.accept()
         return report
 
-    def _restore(self, before: Sequence[Any]) -> None:
-        """Put every Function and every particle back."""
-        for f, values in zip(self.system.functions, before):
-            f.x.array[:] = values
-        self.system.restore()
+    def state(self) -> list[Any]:
+        """Copies of where all is: values of u, then places and reactions of driven tools."""
+        return [*(u.x.array.copy() for u in self.u), *self.system.driven.state()]
+
+    def set_state(self, state: Sequence[Any]) -> None:
+        """Put back what ``state`` has returned; the multipliers stay."""
+        for u, values in zip(self.u, state):
+            u.x.array[:] = values
+        self.system.driven.set_state(state[len(self.u) :])
+
+    @property
+    def continues(self) -> bool:
+        """Whether the last step tells where the next one goes: no tool was brought to its slave."""
+        return not self.system.driven.approached
 
 
 def _check_slaves(pairs: Sequence[ContactPair]) -> None:

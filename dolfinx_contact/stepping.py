@@ -42,7 +42,8 @@ class LoadStepping:
 
     A step that fails is halved, and the problem is back at the last accepted step; after two steps
     that went well (at most 6 iterations), or four that went somehow, the next is 1.5 times as long,
-    up to max_step. Each begins at displacements that are extrapolated from the last two.
+    up to max_step. Each begins at displacements (and places of tools that forces drive) that
+    are extrapolated from the last two, unless a tool has just met its slave.
 
     Args:
         problem: a ContactProblem
@@ -114,7 +115,7 @@ class LoadStepping:
             length = left if self._next > left * (1 - 1e-9) else self._next
             target = self.end if length == left else self.time + length
             self._apply(target)
-            accepted = [u.x.array.copy() for u in self.problem.u]
+            accepted = self.problem.state()
             self._extrapolate(accepted, length)
             try:
                 report = self.problem.solve()
@@ -133,7 +134,7 @@ class LoadStepping:
             except BaseException:
                 self._put_back(accepted)
                 raise
-            self._before = accepted, length
+            self._before = (accepted, length) if self.problem.continues else None
             self._shortest = min(self._shortest, length)
             step = Step(len(self.steps) + 1, target, length, report, failed, self._shortest)
             self.time = target
@@ -145,13 +146,13 @@ class LoadStepping:
         if self._before is None:
             return
         before, last = self._before
-        for u, old, now in zip(self.problem.u, before, accepted):
-            u.x.array[:] = now + (length / last) * (now - old)
+        self.problem.set_state(
+            [now + (length / last) * (now - old) for old, now in zip(before, accepted)]
+        )
 
     def _put_back(self, accepted: list[Any]) -> None:
         """Displacements and loads of the last accepted step."""
-        for u, values in zip(self.problem.u, accepted):
-            u.x.array[:] = values
+        self.problem.set_state(accepted)
         self._apply(self.time)
 
 

@@ -41,7 +41,7 @@ class Newton:
         Raises:
             UnheldError: on all ranks, if nothing holds a body
         """
-        before, report = _values(system), Report()
+        before, report = system.values(), Report()
 
         def run() -> bool:
             return NewtonLoop(system, options, self.rtol, self.max_it).run(report)
@@ -51,7 +51,7 @@ class Newton:
             run()
 
         def from_predictor() -> None:
-            _fill(system, before)
+            system.fill(before)
             if _predict(system, run, run):
                 system.restore()
                 system.go_on()
@@ -120,12 +120,12 @@ class FixedPoint:
         if system.without_pressure():
             from_predictor()
             return report
-        before = _values(system)
+        before = system.values()
         system.start()
         try:
             run()
         except UnheldError:  # all slips at first; glued it may hold
-            _fill(system, before)
+            system.fill(before)
             from_predictor()
         return report
 
@@ -170,13 +170,3 @@ def _predict(system: System, run: Callable[[], bool], glued: Callable[[], bool])
             return glued()
         finally:
             system.unglue()
-
-
-def _values(system: System) -> list[Any]:
-    return [f.x.array.copy() for f in system.functions]
-
-
-def _fill(system: System, values: list[Any]) -> None:
-    for f, array in zip(system.functions, values):
-        f.x.array[:] = array
-    system.restore()

@@ -125,7 +125,7 @@ class Surface:
         self.shape = _FACET_SHAPES[cell]
         geometry_degree = compat.coordinate_degree(mesh)
         position_degree = max(degree, geometry_degree)
-        self.reference = _reference(self.shape, position_degree, degree)
+        self.reference = reference_facet(self.shape, position_degree, degree)
 
         self.id = compat.original_cells(mesh)[self.cells] * 8 + self.local_facets
 
@@ -345,7 +345,7 @@ def _area_weights(shape: str, degree: int) -> npt.NDArray[np.float64]:
     return W - W.T
 
 
-def _reference(shape: str, position_degree: int, displacement_degree: int) -> dict[str, Any]:
+def reference_facet(shape: str, position_degree: int, displacement_degree: int) -> dict[str, Any]:
     """The polynomials of a facet, as described in Surface."""
     reference: dict[str, Any] = {"shape": shape}
     degrees = {"position": position_degree, "displacement": displacement_degree}

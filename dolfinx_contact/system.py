@@ -19,11 +19,11 @@ from petsc4py import PETSc
 from . import _cpp, compat
 from .bodies import Bodies
 from .contact import PairAssembly
+from .driven import DrivenTools, driven_tools
 from .errors import InputError, together
 from .layout import Layout
 from .pair import ContactPair
 from .surface import Surface
-from .tools import RigidPlane
 
 # ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
 # particles with a small gap inside a facet follow the pressure (formulation, section 7).
@@ -62,15 +62,18 @@ class System:
         frictional = [pair for pair in pairs if pair.frictional]
         self.functions = self.u + [pair._multiplier for pair in pairs]
         self.functions += [pair._semi_multiplier for pair in frictional]
-        self.layout = Layout(self.comm, self.functions, bcs)
+        tools, dim = driven_tools(pairs), pairs[0].slave.dim
+        self.layout = Layout(self.comm, self.functions, bcs, 2 * dim * len(tools))
+        self.driven = DrivenTools(tools, self.layout, len(self.functions))
         self.contacts = [
             PairAssembly(
                 pair,
                 self.layout,
                 self._block_of(pair.slave.u),
-                None if isinstance(pair.master, RigidPlane) else self._block_of(pair.master.u),
+                None if pair.tools else self._block_of(pair.master.u),
                 len(self.u) + i,
                 len(self.u) + len(pairs) + frictional.index(pair) if pair.frictional else None,
+                self.driven.dofs_of(pair.tools, dim),
             )
             for i, pair in enumerate(pairs)
         ]
@@ -94,7 +97,7 @@ class System:
                 if isinstance(surface, Surface):
                     label = f"{name} of pair {i}, tags {surface.tags}"
                     surfaces.append((label, surface, self._block_of(surface.u)))
-        self.bodies = Bodies(self.layout, surfaces)
+        self.bodies = Bodies(self.layout, surfaces, self.driven)
 
     def _block_of(self, u: Any) -> int:
         for block, v in enumerate(self.u):
@@ -108,18 +111,31 @@ class System:
     # -- unknowns -------------------------------------------------------------------------------
 
     def read(self) -> None:
-        """Fill x from the Functions."""
+        """Fill x from the Functions and tools."""
         for block, f in enumerate(self.functions):
             part = self.layout.slice(block)
             self.x.array[part] = f.x.array[: part.stop - part.start] / self.scale[block]
+        self.driven.read(self.x)
 
     def write(self, x: Any) -> None:
-        """Fill the Functions from x, ghosts included. Collective."""
+        """Fill the Functions from x, ghosts included, and place the tools. Collective."""
         values = x.array_r
         for block, f in enumerate(self.functions):
             part = self.layout.slice(block)
             f.x.array[: part.stop - part.start] = values[part] * self.scale[block]
             f.x.scatter_forward()
+        self.driven.write(x)
+
+    def values(self) -> list[Any]:
+        """Copies of all unknowns, for ``fill``."""
+        return [*(f.x.array.copy() for f in self.functions), self.driven.state()]
+
+    def fill(self, values: Sequence[Any]) -> None:
+        """Put all unknowns back, and every particle to the last accepted step."""
+        for f, array in zip(self.functions, values):
+            f.x.array[:] = array
+        self.driven.set_state(values[-1])
+        self.restore()
 
     # -- residual -------------------------------------------------------------------------------
 
@@ -149,6 +165,7 @@ class System:
             self.changes += contact.update(pair.initial_contact if close else -1.0)
             with together(self.comm, "contact residual"):
                 contact.assembler.residual(b.handle)
+        self.driven.residual(b)
         b.assemble()
 
     def norms(self, b: Any) -> tuple[float, float]:
@@ -206,6 +223,7 @@ class System:
             for contact in self.contacts:
                 contact.assembler.tangent(A.handle)
                 _add_diagonal(A, contact.held_rows(), 1.0)
+        self.driven.tangent(A, self.contacts)
         A.assemble()
 
     def _add_bulk(self, A: Any, bcs: Sequence[Any]) -> None:
@@ -245,6 +263,7 @@ class System:
         with together(self.comm, "contact pattern"):
             for contact in self.contacts:
                 contact.assembler.insert_pattern(record.handle, True)
+        self.driven.insert_pattern(record)
         record.assemble()
         contact_counts = _cpp.count_rows(record.handle)
         record.destroy()
@@ -260,6 +279,7 @@ class System:
         with together(self.comm, "contact pattern"):
             for contact in self.contacts:
                 contact.assembler.insert_pattern(A.handle, False)
+        self.driven.insert_pattern(A)
         rows = self.layout.start + np.arange(self.layout.offsets[len(self.u)], n)
         _add_diagonal(A, rows.astype(PETSc.IntType), 0.0)
         A.assemble()
@@ -281,6 +301,9 @@ class System:
             compat.set_bc(u, self.bcs)
         for contact in self.contacts:
             contact.update()
+        self.driven.begin(self.contacts)
+        self.driven.approach(self.contacts)
+        for contact in self.contacts:
             contact.hold()
         for u, values in zip(self.u, before):
             u.x.array[:] = values
@@ -360,6 +383,7 @@ class System:
         sizes = np.array([np.abs(diagonal).max(initial=0), x])
         self.comm.Allreduce(MPI.IN_PLACE, sizes, op=MPI.MAX)
         self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
+        self.driven.stiffness = float(sizes[0])
         self._stiffness = [contact.stiffness(diagonal) for contact in self.contacts]
 
     def _choose_parameters(self, friction: bool) -> None:

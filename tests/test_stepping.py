@@ -29,17 +29,23 @@ class Brittle:
     """A problem whose solve fails for steps above a limit.
 
     Attributes:
-        u: no unknowns
+        continues: whether LoadStepping may extrapolate
         load: as set by ``apply``
         solved: loads that were solved
     """
 
     def __init__(self, limit, iterations=4):
         self.comm, self.limit, self.iterations = COMM, limit, iterations
-        self.u, self.load, self.solved = [], 0.0, [0.0]
+        self.load, self.solved, self.continues = 0.0, [0.0], True
 
     def apply(self, t):
         self.load = t
+
+    def state(self):
+        return []
+
+    def set_state(self, state):
+        assert state == []
 
     def solve(self):
         if self.load - self.solved[-1] > self.limit * (1 + 1e-12):

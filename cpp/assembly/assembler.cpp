@@ -111,6 +111,16 @@ void Assembler<D>::set_master(Surface master, std::vector<PetscInt> dofs)
   neighbours();
 }
 
+template <int D>
+void Assembler<D>::set_tool(std::shared_ptr<const RigidTool<D>> tool, std::vector<PetscInt> dofs)
+{
+  if (dofs.size() != tool->pieces.size() * D)
+    throw std::invalid_argument("Assembler: one dof for each component of a piece is needed");
+  _tool = std::move(tool);
+  const bool driven = std::any_of(dofs.begin(), dofs.end(), [](PetscInt d) { return d >= 0; });
+  _tool_dofs = driven ? std::move(dofs) : std::vector<PetscInt>();
+}
+
 // Facets that share a vertex with each master facet.
 template <int D>
 void Assembler<D>::neighbours()
@@ -189,29 +199,35 @@ void Assembler<D>::seek(const Seeker<D>& seeker, State& s) const
   s.x = seeker.x;
   s.e = seeker.e;
   s.gap = -INFINITY;
-  Kinematics<D> k;
   if (_tool)
   {
-    _tool->place(s.x, k);
-    s.target.facet
-        = k.n.dot(seeker.outward) >= 0 and std::abs(k.gap) <= _options.search.radius ? 0 : -1;
-    if (s.target.facet < 0)
-      return;
+    const RigidTarget<D> t
+        = _tool->find(s.x, seeker.outward, _options.search.radius, s.piece, s.target);
+    s.piece = t.piece;
+    s.target = t.target;
+    s.gap = t.gap;
+    s.n = t.n;
+    return;
   }
-  else
-  {
-    s.target = _search.find(_master, seeker, s.target, normals());
-    if (s.target.facet < 0)
-      return;
-    NormalField<D> field;
-    if (interpolated())
-      field = _normals.at(_master, s.target.facet, s.target.xi.data());
-    dolfinx_contact::place<D>(_master, s.target, s.x,
-                              FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false),
-                              _options.rules.normal, s.e, k, &field);
-  }
+  s.target = _search.find(_master, seeker, s.target, normals());
+  if (s.target.facet < 0)
+    return;
+  NormalField<D> field;
+  if (interpolated())
+    field = _normals.at(_master, s.target.facet, s.target.xi.data());
+  Kinematics<D> k;
+  dolfinx_contact::place<D>(_master, s.target, s.x,
+                            FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false),
+                            _options.rules.normal, s.e, k, &field);
   s.gap = k.gap;
   s.n = k.n;
+}
+
+template <int D>
+Vector<D> Assembler<D>::target_point(const State& s) const
+{
+  return _tool ? _tool->point(s.piece, s.target, s.x)
+               : FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false).x;
 }
 
 template <int D>
@@ -301,7 +317,7 @@ Vector<D> Assembler<D>::slip(const State& s, const BasisValues& position) const
 {
   const Vector<D> x_old = old_position(s, position);
   if (_tool)
-    return _tool->slip(s.x, x_old);
+    return _tool->slip(s.piece, s.x, x_old);
   BasisValues b;
   _master.ref.position.tabulate(s.target.xi.data(), b, true);
   return slip_at(s, evaluate<D>(_master.facet_x(s.target.facet), _master.np(), b, true), b, x_old)
@@ -331,7 +347,7 @@ Kinematics<D> Assembler<D>::kinematics(const State& s, const BasisValues& positi
   const bool rubbing = _friction.nodes() > 0;
   const Vector<D> x_old = rubbing ? old_position(s, position) : s.x;
   if (_tool)
-    return _tool->linearise(s.x, x_old);
+    return _tool->linearise(s.piece, s.target, s.x, x_old);
   const int t = s.target.facet;
   const FacetPoint<D> p = evaluate<D>(_master.facet_x(t), _master.np(), b, true);
   NormalField<D> field;
@@ -381,6 +397,9 @@ auto Assembler<D>::nodes() const -> std::vector<Node>
       node.has_target = there.target.facet >= 0;
       node.n = there.n;
       may_move(_slave, f, _slave_dofs, xi, node.free_to_move);
+      if (node.has_target and not _tool_dofs.empty())
+        for (int i = 0; i < D; ++i)
+          node.free_to_move[i] = node.free_to_move[i] or _tool_dofs[there.piece * D + i] >= 0;
       if (node.has_target and not _tool)
         may_move(_master, there.target.facet, _master_dofs, there.target.xi.data(),
                  node.free_to_move);

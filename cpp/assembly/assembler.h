@@ -109,8 +109,10 @@ public:
   /// @param dofs system dofs of its node table, (nodes, D), −1 if held
   void set_master(Surface master, std::vector<PetscInt> dofs);
 
-  /// A rigid tool for the master.
-  void set_tool(RigidPlane<D> tool) { _tool = std::move(tool); }
+  /// A rigid tool for the master; the caller may move it later.
+  /// @param dofs system dofs of its pieces' translations, (pieces, D), −1 if prescribed
+  /// @throws std::invalid_argument if sizes do not match
+  void set_tool(std::shared_ptr<const RigidTool<D>> tool, std::vector<PetscInt> dofs);
 
   /// Friction unknowns, or others than before.
   /// @throws std::invalid_argument if sizes do not match
@@ -166,7 +168,7 @@ public:
   const Surface& slave() const { return _slave; }
   const Surface& master() const { return _master; }
   int own() const { return _own; }
-  const std::optional<RigidPlane<D>>& tool() const { return _tool; }
+  const RigidTool<D>* tool() const { return _tool.get(); }
 
   /// Interpolated normals of the slave's surface where it is now, inward to the slave.
   const NodalNormals<D>& slave_normals() const { return _slave_normals; }
@@ -179,6 +181,7 @@ public:
     double weight = 0;                        ///< its part of the reference measure
     int cell = -1; ///< if the particles move: the master facet its cell lies on, or −1
     Target<D> target;
+    int piece = -1;                       ///< of the tool that the target is on
     double lambda = 0;                    ///< multiplier, negative in compression
     double gap = -INFINITY;               ///< d_n, negative if open; −∞ without a target
     Vector<D> x = Vector<D>::Zero();      ///< current position
@@ -197,7 +200,7 @@ public:
     bool acts = false, slips = false;    ///< status of friction
     double threshold = 0;                ///< λ
     Vector<D> r0 = Vector<D>::Zero();    ///< x¹ − x²
-    Vector<D> y0 = Vector<D>::Zero();    ///< x²
+    Vector<D> y0 = Vector<D>::Zero();    ///< x² on a tool, in its reference position
     Vector<D> slip0 = Vector<D>::Zero(); ///< slip
   };
 
@@ -208,6 +211,16 @@ public:
   /// @param close as for `update`
   void begin_step(double close);
   const std::vector<State>& states() const { return _now.states; }
+
+  /// Numbers of closed particles on the pieces of the tool.
+  std::vector<int> touching() const
+  {
+    std::vector<int> out(_tool ? _tool->pieces.size() : 0, 0);
+    for (const State& s : _now.states)
+      if (s.closed)
+        ++out[s.piece];
+    return out;
+  }
 
   /// Energy that friction has dissipated on this rank, up to the last accepted step.
   double dissipated() const { return _dissipated; }
@@ -244,6 +257,9 @@ public:
     }
     return law;
   }
+
+  /// x², the place of a particle's target; it must have one.
+  Vector<D> target_point(const State& s) const;
 
   /// Contact traction on the slave per reference area.
   Vector<D> traction_at(const State& s) const
@@ -290,6 +306,10 @@ private:
   void stay(const BasisValues& position, State& s) const;
   double near(int facet, double close) const;
   Vector<D> slip(const State& s, const BasisValues& position) const;
+  int target_of(const State& s) const
+  {
+    return not s.closed ? -1 : _tool ? s.piece : s.target.facet;
+  }
   Slip<D> slip_at(const State& s, const FacetPoint<D>& target, const BasisValues& b,
                   const Vector<D>& x_old) const;
   Friction<D> friction(const State& s) const;
@@ -313,7 +333,8 @@ private:
 
   Surface _slave, _master;
   int _own;
-  std::optional<RigidPlane<D>> _tool;
+  std::shared_ptr<const RigidTool<D>> _tool;
+  std::vector<PetscInt> _tool_dofs; // none if no force drives the tool
   Particles _particles;
   PairOptions<D> _options;
   Frozen _frozen;

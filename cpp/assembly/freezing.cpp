@@ -17,8 +17,7 @@ void Assembler<D>::stay(const BasisValues& position, State& s) const
   s.gap = -INFINITY;
   if (s.target.facet < 0)
     return;
-  const Vector<D> y
-      = _tool ? s.y0 : FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false).x;
+  const Vector<D> y = _tool ? _tool->pieces[s.piece].now.to(s.y0) : target_point(s);
   const Vector<D> r = s.x - y;
   s.gap = r.dot(s.n);
   if (_friction.nodes() > 0)
@@ -40,9 +39,10 @@ void Assembler<D>::freeze(Frozen frozen)
     }
     if (frozen.geometry and not _frozen.geometry and s.target.facet >= 0)
     {
-      s.y0 = _tool ? Vector<D>(s.x - s.gap * s.n)
-                   : FacetProjection<D>(_master, s.target.facet).at(s.target.xi, false).x;
-      s.r0 = s.x - s.y0;
+      const Vector<D> y = target_point(s);
+      s.r0 = s.x - y;
+      if (_tool)
+        s.y0 = _tool->pieces[s.piece].now.back(y);
       s.slip0 = _friction.nodes() > 0 ? slip(s, sample(s, buffer).position)
                                       : Vector<D>(Vector<D>::Zero());
     }

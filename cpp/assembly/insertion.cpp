@@ -11,6 +11,16 @@
 namespace dolfinx_contact
 {
 
+namespace
+{
+// A tool driven by forces is a master facet with one node, its translation.
+const BasisValues& rigid_basis()
+{
+  static const BasisValues one = {.N = {1}, .dN = {}, .ddN = {}};
+  return one;
+}
+} // namespace
+
 template <int D>
 CouplingBasis<D> Assembler<D>::basis(const State& s, const Sample& sample,
                                      std::vector<Vector<D>>& tangent) const
@@ -56,17 +66,21 @@ void Assembler<D>::dofs_of(int facet, int target, std::vector<PetscInt>& dofs) c
       dofs.push_back(_friction.dofs[_friction.local[facet * nf + a] * Q + i]);
   if (target >= 0 and not _tool)
     add_nodes(_master, target, _master_dofs);
+  else if (target >= 0 and not _tool_dofs.empty())
+    for (int i = 0; i < D; ++i)
+      dofs.push_back(_tool_dofs[target * D + i]);
 }
 
-// Visit the particles of a slave facet grouped by target: visit(target, particles). Open particles
-// are grouped as target −1: nothing couples them to a master.
+// Visit the particles of a slave facet grouped by target (a facet, or a piece of the tool):
+// visit(target, particles). Open particles are grouped as target −1: nothing couples them to a
+// master.
 template <int D>
 template <typename Visit>
 void Assembler<D>::for_each_pair(int facet, Visit visit) const
 {
   const std::span<const State> states = _now.of(facet);
   const int np = static_cast<int>(states.size());
-  auto target = [&](int p) { return states[p].closed ? states[p].target.facet : -1; };
+  auto target = [&](int p) { return target_of(states[p]); };
   std::vector<int> order(np);
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(),
@@ -103,6 +117,11 @@ void Assembler<D>::residual(::Vec b) const
                         _master.ref.displacement.tabulate(s.target.xi.data(), M);
                         B.M = &M;
                         B.master = _master.nu();
+                      }
+                      else if (target >= 0 and not _tool_dofs.empty())
+                      {
+                        B.M = &rigid_basis();
+                        B.master = 1;
                       }
                       add_residual<D>(B, law(s), s.closed, s.lambda, s.gap, traction_at(s),
                                       s.Lambda, s.friction, s.weight, _options.scale, block);
@@ -214,6 +233,11 @@ void Assembler<D>::tangent(Mat A) const
               B.M = same ? &P : &M;
               B.master = _master.nu();
             }
+            else if (not _tool_dofs.empty())
+            {
+              B.M = &rigid_basis();
+              B.master = 1;
+            }
             const Kinematics<D> k = kinematics(s, here.position, P);
             const FrictionTangent<D> friction(s.friction);
             const ContactLaw law = this->law(s);
@@ -288,6 +312,8 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
   for (int f = 0; f < _own; ++f)
   {
     targets.assign(1, -1);
+    for (int t = 0; t < static_cast<int>(_tool_dofs.size()) / D; ++t)
+      targets.push_back(t);
     for (const State& s : _now.of(f))
       for (const int t : {s.target.facet, s.cell})
         if (t >= 0 and not _tool)
@@ -297,10 +323,12 @@ void Assembler<D>::insert_pattern(Mat A, bool remember)
     targets.erase(std::unique(targets.begin(), targets.end()), targets.end());
     for (int t : targets)
     {
-      if (t >= 0 and not _master.candidate[t])
+      if (t >= 0 and not _tool and not _master.candidate[t])
         continue;
       dofs_of(f, t, dofs);
       insert(dofs);
+      if (_tool)
+        continue;
       if (_particles.refined and t >= 0) // cells may end at the facets around (motion_tangent)
         for (int k = _near_offset[t]; k < _near_offset[t + 1]; ++k)
           if (const int g = _near[k]; _master.candidate[g])

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 //
-// The only file that knows pybind11. Arrays are row-major; PETSc objects arrive as their handles
-// (petsc4py: mat.handle), which are borrowed for the time of the call.
+// bindings/ is the only place that knows pybind11. Arrays are row-major; PETSc objects arrive as
+// their handles (petsc4py: mat.handle), which are borrowed for the time of the call.
 #include "../assembly/assembler.h"
 #include "../assembly/pattern.h"
 #include "../parallel/exchange.h"
+#include "tools.h"
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -205,7 +206,7 @@ py::dict particle_table(const Assembler<D>& a)
       dissipated(n);
   py::array_t<bool> closed(n), slips(n), rubs(n), clamped(n);
   py::array_t<std::int64_t> facet(n), target(n);
-  py::array_t<std::int32_t> row(n);
+  py::array_t<std::int32_t> row(n), piece(n);
   for (py::ssize_t i = 0; i < n; ++i)
   {
     const State& s = states[i];
@@ -216,9 +217,7 @@ py::dict particle_table(const Assembler<D>& a)
     const Vector<D> t = a.traction_at(s);
     Vector<D> target_point = Vector<D>::Constant(NAN);
     if (s.target.facet >= 0)
-      target_point = a.tool()
-                         ? Vector<D>(s.x - s.gap * s.n)
-                         : FacetProjection<D>(a.master(), s.target.facet).at(s.target.xi, false).x;
+      target_point = a.target_point(s);
     for (int k = 0; k < D; ++k)
     {
       X.mutable_at(i, k) = reference[k];
@@ -240,7 +239,10 @@ py::dict particle_table(const Assembler<D>& a)
     weight.mutable_at(i) = s.weight;
     closed.mutable_at(i) = s.closed;
     facet.mutable_at(i) = slave.id[f];
-    target.mutable_at(i) = s.target.facet < 0 ? -1 : a.tool() ? 0 : a.master().id[s.target.facet];
+    target.mutable_at(i) = s.target.facet < 0 ? -1
+                           : a.tool()         ? s.target.facet
+                                              : a.master().id[s.target.facet];
+    piece.mutable_at(i) = s.piece;
   }
   py::dict out;
   out["row"] = row;
@@ -262,6 +264,7 @@ py::dict particle_table(const Assembler<D>& a)
   out["closed"] = closed;
   out["facet"] = facet;
   out["target_facet"] = target;
+  out["piece"] = piece;
   return out;
 }
 
@@ -327,24 +330,8 @@ void declare_assembler(py::module_& m, const char* name)
            py::arg("multiplier_dofs"), py::arg("refined") = false, py::arg("axisymmetric") = false)
       .def("set_master", [](A& a, const Surface& master, const array<PetscInt>& dofs)
            { a.set_master(master, vector(dofs)); })
-      .def("set_plane",
-           [](A& a, const std::array<double, D>& point, const std::array<double, D>& outward,
-              const array<double>& now, const array<double>& old)
-           {
-             auto motion = [](const array<double>& m)
-             {
-               RigidMotion<D> out;
-               for (int i = 0; i < D; ++i)
-               {
-                 out.c[i] = m.at(i, D);
-                 for (int j = 0; j < D; ++j)
-                   out.R(i, j) = m.at(i, j);
-               }
-               return out;
-             };
-             a.set_tool({Eigen::Map<const Vector<D>>(point.data()),
-                         Eigen::Map<const Vector<D>>(outward.data()), motion(now), motion(old)});
-           })
+      .def("set_tool", [](A& a, std::shared_ptr<RigidTool<D>> tool, const array<PetscInt>& dofs)
+           { a.set_tool(std::move(tool), vector(dofs)); })
       .def("set_friction",
            [](A& a, const TraceBasis& basis, const array<std::int32_t>& local,
               const array<PetscInt>& dofs, const array<double>& tangents)
@@ -412,6 +399,12 @@ void declare_assembler(py::module_& m, const char* name)
       .def("insert_pattern", [](A& a, std::uintptr_t mat, bool remember)
            { a.insert_pattern(reinterpret_cast<Mat>(mat), remember); })
       .def("pattern_holds", &A::pattern_holds)
+      .def("touching",
+           [](const A& a)
+           {
+             const std::vector<int> n = a.touching();
+             return as_array(n, {static_cast<py::ssize_t>(n.size())});
+           })
       .def("dissipated", &A::dissipated)
       .def("particles", [](const A& a) { return particle_table(a); })
       .def("begin_step", &A::begin_step)
@@ -441,6 +434,7 @@ PYBIND11_MODULE(_cpp, m)
           const std::vector<double> v = largest_in_rows(reinterpret_cast<Mat>(mat));
           return as_array(v, {static_cast<py::ssize_t>(v.size())});
         });
+  declare_tools(m);
   declare_assembler<2>(m, "Assembler2");
   declare_assembler<3>(m, "Assembler3");
 }
