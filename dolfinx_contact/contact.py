@@ -80,7 +80,8 @@ class PairAssembly:
         slave, master, multiplier: blocks of the two displacements and of λ in the layout; no master
             for a rigid tool
         friction: block of Λ; None without friction
-        tool_dofs: system dofs of the translations of the pair's tools, (tools, dim), −1 if prescribed
+        tool_dofs: system dofs of the translations of the pair's tools, (tools, dim), −1 if
+            prescribed; None: all are
 
     Attributes:
         tool_of_piece: number of the tool of each piece, and −1 at the end
@@ -94,7 +95,7 @@ class PairAssembly:
         master: int | None,
         multiplier: int,
         friction: int | None,
-        tool_dofs: npt.NDArray[Any],
+        tool_dofs: npt.NDArray[Any] | None = None,
     ):
         self.pair, self._layout = pair, layout
         self._comm, self._shape = pair.comm, getattr(_cpp.Shape, pair.slave.shape)
@@ -199,7 +200,7 @@ class PairAssembly:
             pair.axisymmetric,
         )
 
-    def _make_tool(self, dofs: npt.NDArray[Any]) -> None:
+    def _make_tool(self, dofs: npt.NDArray[Any] | None) -> None:
         """Give the assembler the pieces of the pair's tools."""
         pair, tools = self.pair, self.pair.tools
         self._parts = [
@@ -219,6 +220,8 @@ class PairAssembly:
         with together(self._comm, "contact set-up"):
             for _, leaf, _ in self._parts:
                 leaf._add(self._tool, search)
+            if dofs is None:
+                dofs = np.full((len(tools), pair.slave.dim), -1)
             self.assembler.set_tool(self._tool, dofs[self.tool_of_piece[:-1]])
 
     def _motions(self) -> list[npt.NDArray[np.float64]]:
