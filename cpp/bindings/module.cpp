@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 //
-// The only file that knows pybind11. Arrays are row-major; PETSc objects arrive as their handles
-// (petsc4py: mat.handle), which are borrowed for the time of the call.
+// The folder bindings/ is the only place that knows pybind11. Arrays are row-major; PETSc objects
+// arrive as their handles (petsc4py: mat.handle), which are borrowed for the time of the call.
 #include "../assembly/assembler.h"
 #include "../assembly/pattern.h"
 #include "../parallel/exchange.h"
+#include "material.h"
 
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -443,4 +444,5 @@ PYBIND11_MODULE(_cpp, m)
         });
   declare_assembler<2>(m, "Assembler2");
   declare_assembler<3>(m, "Assembler3");
+  declare_material(m);
 }
