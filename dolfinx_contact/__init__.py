@@ -15,10 +15,11 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
         " unset PETSC_DIR)."
     )
 
-from . import infsup, meshes, plot
+from . import infsup, meshes, plasticity, plot
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
 from .problem import ContactProblem
+from .quadrature import QuadratureLaw
 from .report import Report
 from .rigid_mesh import RigidMesh
 from .rules import (
@@ -59,6 +60,7 @@ __all__ = [
     "Nodes",
     "Particles",
     "Proximity",
+    "QuadratureLaw",
     "Report",
     "RigidComposite",
     "RigidCylinder",
@@ -77,5 +79,6 @@ __all__ = [
     "UnheldError",
     "infsup",
     "meshes",
+    "plasticity",
     "plot",
 ]

@@ -248,6 +248,35 @@ def quadrature(
     return basix.make_quadrature(cell, degree, rule=rule)
 
 
+def quadrature_space(mesh: _mesh.Mesh, degree: int, shape: tuple[int, ...]) -> Any:
+    """Space of values at the points of ``quadrature(cell, degree)``.
+
+    Args:
+        shape: (): scalars, (n,): vectors, (m, n): matrices
+    """
+    if not _OLD:
+        import basix.ufl
+
+        cell = mesh.topology.cell_name()
+        element = basix.ufl.quadrature_element(
+            cell, value_shape=shape, scheme="default", degree=degree
+        )
+        return fem.functionspace(mesh, element)
+    kind = (ufl.FiniteElement, ufl.VectorElement, ufl.TensorElement)[len(shape)]
+    size = ({}, {"dim": shape[0] if shape else 0}, {"shape": shape})[len(shape)]
+    element = kind("Quadrature", mesh.ufl_cell(), degree, quad_scheme="default", **size)
+    return fem.FunctionSpace(mesh, element)
+
+
+def evaluate(
+    expression: fem.Expression, mesh: _mesh.Mesh, cells: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float64]:
+    """Values of a compiled expression at its points in some cells; (cells, points, components)."""
+    values = expression.eval(cells) if _OLD else expression.eval(mesh, cells)
+    points = expression.X() if callable(expression.X) else expression.X
+    return np.asarray(values).reshape(len(cells), len(points), -1)
+
+
 # -- index maps -------------------------------------------------------------------------------
 
 

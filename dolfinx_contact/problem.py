@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from .errors import ConvergenceError, InputError
 from .pair import ContactPair
+from .quadrature import QuadratureLaw, check_materials
 from .report import Report
 from .strategy import FixedPoint, Newton
 from .system import System, derivative
@@ -25,11 +26,13 @@ class ContactProblem:
     Args:
         F: residual form of the bulk, or a list of them, one for each unknown
         u: unknown Function, or a list; the displacement of each Surface must be among them
-        pairs: contact pairs
+        pairs: contact pairs; none for the bulk alone
         bcs: Dirichlet conditions; they find their unknown by their space
         J: Jacobian of F (by UFL's derivative if None); for lists a list of rows with None where
             unknowns are not coupled
         strategy: Newton() (the default) or FixedPoint()
+        materials: laws whose stresses are in F (plasticity.J2, or QuadratureLaw); their states go on
+            with each solve, and are put back if it fails
         petsc_options: options of SNES, KSP and PC, without prefix, for instance
             {"ksp_type": "gmres"}
 
@@ -48,6 +51,7 @@ class ContactProblem:
         J: Any = None,
         strategy: Newton | FixedPoint | None = None,
         petsc_options: dict[str, Any] | None = None,
+        materials: Sequence[QuadratureLaw] = (),
     ):
         forms = list(F) if isinstance(F, (list, tuple)) else [F]
         unknowns = list(u) if isinstance(u, (list, tuple)) else [u]
@@ -60,13 +64,15 @@ class ContactProblem:
             )
         if isinstance(pairs, ContactPair):
             pairs = [pairs]
-        if not pairs or not all(isinstance(p, ContactPair) for p in pairs):
+        if not all(isinstance(p, ContactPair) for p in pairs):
             raise InputError("ContactProblem: pairs must be a list of ContactPair.")
         self.pairs, self.u = list(pairs), unknowns
         self.comm = unknowns[0].function_space.mesh.comm
         _check_slaves(self.pairs)
+        materials = [materials] if isinstance(materials, QuadratureLaw) else list(materials)
+        check_materials(materials, forms, unknowns)
         if J is None:
-            jacobian = derivative(forms, unknowns)
+            jacobian = derivative(forms, unknowns, materials)
         else:
             jacobian = [list(row) for row in J] if isinstance(J, (list, tuple)) else [[J]]
         if len(jacobian) != len(forms) or any(len(row) != len(forms) for row in jacobian):
@@ -75,7 +81,7 @@ class ContactProblem:
             )
         self.strategy = Newton() if strategy is None else strategy
         self.petsc_options = dict(petsc_options or {})
-        self.system = System(forms, unknowns, jacobian, self.pairs, list(bcs))
+        self.system = System(forms, unknowns, jacobian, self.pairs, list(bcs), materials)
         self.report: Report | None = None
         for tool in {id(t): t for pair in self.pairs for t in pair.tools}.values():
             tool._pairs = [(p, p.tools.index(tool)) for p in self.pairs if tool in p.tools]

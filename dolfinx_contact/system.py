@@ -23,6 +23,7 @@ from .driven import DrivenTools, driven_tools
 from .errors import InputError, together
 from .layout import Layout
 from .pair import ContactPair
+from .quadrature import QuadratureLaw
 from .surface import Surface
 
 # ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
@@ -45,6 +46,7 @@ class System:
         J: forms of the Jacobian, by rows; None where blocks are not coupled
         pairs: contact pairs whose displacements are among u
         bcs: Dirichlet conditions on the bulk unknowns
+        materials: laws at quadrature points in F and J
     """
 
     def __init__(
@@ -54,7 +56,9 @@ class System:
         J: Sequence[Sequence[Any]],
         pairs: Sequence[ContactPair],
         bcs: Sequence[Any],
+        materials: Sequence[QuadratureLaw] = (),
     ):
+        self.materials = list(materials)
         self.u, self.pairs, self.bcs = list(u), list(pairs), list(bcs)
         self.comm = u[0].function_space.mesh.comm
         self._F = [compat.form(f) for f in F]
@@ -137,6 +141,11 @@ class System:
         self.driven.set_state(values[-1])
         self.restore()
 
+    def _update_materials(self, again: bool = False) -> None:
+        """Stresses and tangents for the Functions' present values. Collective."""
+        for material in self.materials:
+            material.update(again)
+
     # -- residual -------------------------------------------------------------------------------
 
     def residual(self, x: Any, b: Any, close: bool = False) -> None:
@@ -149,6 +158,7 @@ class System:
             close: apply the pairs' initial contact
         """
         self.write(x)
+        self._update_materials()
         before = [u.x.array.copy() for u in self.u]
         lift = any(self._violates_bcs(u) for u in self.u)
         lift = self.comm.allreduce(lift, op=MPI.LOR)
@@ -217,6 +227,7 @@ class System:
         if not self.comm.allreduce(holds, op=MPI.LAND):
             self._allocate(A)
         self.write(x)
+        self._update_materials()
         A.zeroEntries()
         self._add_bulk(A, self.bcs)
         with together(self.comm, "contact tangent"):
@@ -307,6 +318,7 @@ class System:
             contact.hold()
         for u, values in zip(self.u, before):
             u.x.array[:] = values
+        self._update_materials(again=True)  # their parameters may be new, the time step for one
         if self.A is None:
             self.create_matrix()
         self._choose_parameters(friction)
@@ -362,14 +374,19 @@ class System:
             contact.assembler.recall()
 
     def restore(self) -> None:
-        """Put every particle back to the last accepted step."""
+        """Put every particle and every material back to the last accepted step."""
         for contact in self.contacts:
             contact.assembler.restore()
+        for material in self.materials:
+            material.restore()
 
     def accept(self) -> None:
-        """The present displacements are a solution: slips of the next step start from there."""
+        """The present displacements are a solution: slips and plastic flow of the next step start
+        from there. Collective."""
         for contact in self.contacts:
             contact.remember()
+        for material in self.materials:
+            material.commit()
 
     def create_matrix(self) -> None:
         """Make the matrix for the present targets, and find how stiff the bodies are."""
@@ -426,10 +443,18 @@ def _add_diagonal(A: Any, rows: npt.NDArray[Any], value: float) -> None:
     A.setValuesRCV(at, at, np.full(at.shape, value), addv=PETSc.InsertMode.ADD_VALUES)
 
 
-def derivative(F: Sequence[Any], u: Sequence[Any]) -> list[list[Any]]:
-    """Jacobian forms of F by UFL; None where a residual does not depend on an unknown."""
+def derivative(
+    F: Sequence[Any], u: Sequence[Any], materials: Sequence[QuadratureLaw] = ()
+) -> list[list[Any]]:
+    """Jacobian forms of F by UFL, completed with the materials' tangents; None where a residual does
+    not depend on an unknown."""
     rows = []
     for f in F:
-        known = set(f.coefficients())
-        rows.append([ufl.derivative(f, v) if v in known else None for v in u])
+        known, row = set(f.coefficients()), []
+        for v in u:
+            parts = [ufl.derivative(f, v)] if v in known else []
+            parts += [m.tangent(f, v) for m in materials]
+            parts = [part for part in parts if part is not None]
+            row.append(sum(parts[1:], parts[0]) if parts else None)
+        rows.append(row)
     return rows

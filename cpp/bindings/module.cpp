@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 //
-// bindings/ is the only place that knows pybind11. Arrays are row-major; PETSc objects arrive as
-// their handles (petsc4py: mat.handle), which are borrowed for the time of the call.
+// The folder bindings/ is the only place that knows pybind11. Arrays are row-major; PETSc objects
+// arrive as their handles (petsc4py: mat.handle), which are borrowed for the time of the call.
 #include "../assembly/assembler.h"
 #include "../assembly/pattern.h"
 #include "../parallel/exchange.h"
+#include "material.h"
 #include "tools.h"
 
 #include <pybind11/numpy.h>
@@ -437,4 +438,5 @@ PYBIND11_MODULE(_cpp, m)
   declare_tools(m);
   declare_assembler<2>(m, "Assembler2");
   declare_assembler<3>(m, "Assembler3");
+  declare_material(m);
 }
