@@ -411,8 +411,8 @@ class PairAssembly:
         dim, own = self.pair.slave.dim, self._own
         nodes = np.searchsorted(self._ringed_slave.node_table, own.nodes)
         mean = self._slave_values(vector).reshape(-1, dim).mean(axis=1)[nodes].mean(axis=1)
-        area = _cpp.particle_weights(own, _cpp.simpson(self._shape, 0), False).sum()
-        sums = self._comm.allreduce(np.array([np.abs(mean).sum(), area]))
+        weights = _cpp.particle_weights(own, _cpp.simpson(self._shape, 0), self.pair.axisymmetric)
+        sums = self._comm.allreduce(np.array([np.abs(mean).sum(), weights.sum()]))
         return float(max(sums[0] / sums[1], np.finfo(float).tiny ** 0.25))
 
     def facet_size(self) -> float:
