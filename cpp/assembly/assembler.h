@@ -209,7 +209,8 @@ public:
   /// particles that touch now. A particle that closes later in the step has no slip before it does,
   /// and where it has come from says nothing about friction.
   /// @param close as for `update`
-  void begin_step(double close);
+  /// @returns the number of particles on which friction acts; 0 without friction
+  int begin_step(double close);
   const std::vector<State>& states() const { return _now.states; }
 
   /// Numbers of closed particles on the pieces of the tool.
