@@ -38,7 +38,8 @@ class ContactProblem:
 
     Raises:
         InputError: on all ranks, if F and u do not match, a pair is used twice, a surface is moved
-            by a Function that is not among u, or slave surfaces share nodes
+            by a Function that is not among u, slave surfaces share nodes, or a material and F do
+            not belong together
     """
 
     def __init__(
