@@ -179,10 +179,14 @@ class QuadratureLaw:
         """Number of this rank's points."""
         return len(self._points)
 
+    def evaluate(self, expression: Any) -> Array:
+        """A UFL expression at this rank's points, in the order of the law; (size, *shape)."""
+        values = compat.evaluate(self._compile(expression), self.mesh, self._cells)
+        return values.reshape(self.size, *expression.ufl_shape)
+
     def positions(self) -> Array:
-        """Reference positions of this rank's points, in the order of the law; (size, dim)."""
-        x = self._compile(ufl.SpatialCoordinate(self.mesh))
-        return compat.evaluate(x, self.mesh, self._cells).reshape(self.size, -1)
+        """Reference positions of this rank's points; (size, dim)."""
+        return self.evaluate(ufl.SpatialCoordinate(self.mesh))
 
     def field(self, shape: tuple[int, ...] = (), name: str = "f") -> fem.Function:
         """A quadrature Function at the law's points, of scalars, vectors or matrices."""
