@@ -36,7 +36,8 @@ class J2(QuadratureLaw):
     """Hencky elasticity and von Mises plasticity, integrated with the exponential map.
 
     Elastic energy is λ/2 (tr ε)² + μ ε:ε in the logarithmic elastic strain ε; plastic flow keeps the
-    volume. State is kept in three dimensions also where the mesh has two. The construction is
+    volume, so that linear elements lock: take quadratic ones with degree 2 (reduced integration), or
+    a mixed F. State is kept in three dimensions also where the mesh has two. The construction is
     collective.
 
     Args:

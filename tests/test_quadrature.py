@@ -264,6 +264,8 @@ def test_input():
         dc.QuadratureLaw(ufl.Identity(2), Viscous())
     with pytest.raises(dc.InputError, match="quadrature_degree"):
         dc.QuadratureLaw(F, Viscous(), -1)
+    with pytest.raises(dc.InputError, match="owns the cells"):
+        dc.QuadratureLaw(F, Viscous(), cells=[0, 10**6] if COMM.rank == 0 else None)
     with pytest.raises(dc.InputError, match="shape"):
         dc.QuadratureLaw(F, Wrong())
     law = dc.QuadratureLaw(F, Viscous())
