@@ -65,7 +65,8 @@ class ContactProblem:
             )
         if isinstance(pairs, ContactPair):
             pairs = [pairs]
-        if not all(isinstance(p, ContactPair) for p in pairs):
+        listed = isinstance(pairs, (list, tuple))
+        if not listed or not all(isinstance(p, ContactPair) for p in pairs):
             raise InputError("ContactProblem: pairs must be a list of ContactPair.")
         self.pairs, self.u = list(pairs), unknowns
         self.comm = unknowns[0].function_space.mesh.comm
