@@ -110,4 +110,5 @@ def tangent_error(problem: Any) -> float:
     h = 1e-6  # of strains of 1e-1: truncation 1e-16, round-off 1e-10
     difference = 8 * (residual(h) - residual(-h)) - (residual(2 * h) - residual(-2 * h))
     difference.scale(1 / (12 * h))
+    system.write(x)
     return (product - difference).norm() / difference.norm()
