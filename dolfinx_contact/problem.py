@@ -38,7 +38,8 @@ class ContactProblem:
 
     Raises:
         InputError: on all ranks, if F and u do not match, a pair is used twice, a surface is moved
-            by a Function that is not among u, or slave surfaces share nodes
+            by a Function that is not among u, slave surfaces share nodes, or a material and F do
+            not belong together
     """
 
     def __init__(
@@ -64,7 +65,8 @@ class ContactProblem:
             )
         if isinstance(pairs, ContactPair):
             pairs = [pairs]
-        if not all(isinstance(p, ContactPair) for p in pairs):
+        listed = isinstance(pairs, (list, tuple))
+        if not listed or not all(isinstance(p, ContactPair) for p in pairs):
             raise InputError("ContactProblem: pairs must be a list of ContactPair.")
         self.pairs, self.u = list(pairs), unknowns
         self.comm = unknowns[0].function_space.mesh.comm
