@@ -70,6 +70,12 @@ class DrivenTools:
             tool.translation = c.copy()
         self._reactions = state[-1].copy()
 
+    def go_to(self, state: Sequence[Any]) -> None:
+        """As ``set_state``, but only in the directions in which the tools move freely."""
+        for tool, c in zip(self.tools, state):
+            E = tool.directions
+            tool.translation = tool.translation + E.T @ (E @ (c - tool.translation))
+
     def read(self, x: Any) -> None:
         """Fill the system's vector from the tools."""
         if self._comm.rank == 0 and self.tools:
