@@ -87,7 +87,9 @@ class LoadStepping:
         self._next, self._min, self._max = float(step), float(min_step), float(max_step)
         self._progress, self._shortest = progress, float("inf")
         self.time, self.steps = 0.0, list[Step]()
-        self._before: tuple[list[Any], float] | None = None  # state one accepted step ago, its length
+        self._before: tuple[
+            list[Any], float
+        ] | None = None  # state one accepted step ago, its length
 
     def __iter__(self) -> Iterator[Step]:
         hidden = not self._progress or self.problem.comm.rank > 0
