@@ -136,6 +136,14 @@ class ContactProblem:
             u.x.array[:] = values
         self.system.driven.set_state(state[len(self.u) :])
 
+    def extrapolate(self, before: Sequence[Any], now: Sequence[Any], ratio: float) -> None:
+        """Go on from two states for another part of the way between them: displacements, and tools
+        in the directions in which forces drive them; where they are prescribed they stay."""
+        ahead = [b + ratio * (b - a) for a, b in zip(before, now)]
+        for u, values in zip(self.u, ahead):
+            u.x.array[:] = values
+        self.system.driven.go_to(ahead[len(self.u) :])
+
     @property
     def continues(self) -> bool:
         """Whether the last step tells where the next one goes: no tool was brought to its slave."""

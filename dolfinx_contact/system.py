@@ -306,6 +306,7 @@ class System:
         Args:
             friction: False: solve without it first, then ``go_on``
         """
+        self.driven.check(self.pairs)
         self.reference_force = 0.0
         for contact in self.contacts:
             contact.begin_step()

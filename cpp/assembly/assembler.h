@@ -152,7 +152,9 @@ public:
   {
     bool has_target = false;
     Vector<D> n = Vector<D>::Zero();    ///< normal at its target
-    std::array<bool, D> free_to_move{}; ///< component i of the slave or of its target is free
+    /// Component i of the slave or of its target is free. (A tool does not count, though a force
+    /// may drive it: two held nodes on one tool would be dependent.)
+    std::array<bool, D> free_to_move{};
   };
 
   /// All of Particles::nodes of all own facets, where the surfaces are now: (own facets, nodes).
