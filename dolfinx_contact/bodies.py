@@ -40,12 +40,16 @@ class Bodies:
         layout: numbering of the system
         surfaces: name, surface and block of its displacement, of all pairs
         driven: tools that forces drive
+
+    Attributes:
+        blocks: those of the displacements that move surfaces
     """
 
     def __init__(self, layout: Layout, surfaces: Sequence[tuple[str, Any, int]], driven: Any):
         self._layout, self._comm = layout, layout.comm
         self._loose: list[_Body] = []
-        for block in sorted({block for _, _, block in surfaces}):
+        self.blocks = sorted({block for _, _, block in surfaces})
+        for block in self.blocks:
             V = layout.functions[block].function_space
             number, count = _components(self._comm, V)
             owned = V.dofmap.index_map.size_local

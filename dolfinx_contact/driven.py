@@ -47,6 +47,7 @@ class DrivenTools:
         self.dofs = layout.system_dofs(block, np.arange(count)).astype(PETSc.IntType)
         self.dofs = self.dofs.reshape(len(tools), 2, dim)
         self.stiffness = 1.0
+        self._prescribed = [tool.translation.copy() for tool in tools]
         self.approached = False  # in the present step: it says little about the next one
         self._values = np.zeros(self.dofs.shape)
         self._reactions = np.zeros((len(tools), dim))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 
+from . import compat
 from .errors import ConvergenceError, InputError
 from .pair import ContactPair
 from .quadrature import QuadratureLaw, check_materials
@@ -63,6 +64,7 @@ class ContactProblem:
                 f"ContactProblem: {len(forms)} residuals F for {len(unknowns)} unknowns u; give one"
                 " residual for each unknown."
             )
+        _check_unknowns(forms, unknowns, bcs)
         if isinstance(pairs, ContactPair):
             pairs = [pairs]
         listed = isinstance(pairs, (list, tuple))
@@ -148,6 +150,35 @@ class ContactProblem:
     def continues(self) -> bool:
         """Whether the last step tells where the next one goes: no tool was brought to its slave."""
         return not self.system.driven.approached
+
+
+def _check_unknowns(F: Sequence[Any], u: Sequence[Any], bcs: Sequence[Any]) -> None:
+    """Each residual belongs to its unknown, and each Dirichlet condition to one unknown."""
+    if len(set(map(id, u))) != len(u):
+        raise InputError("ContactProblem: u has a Function twice; give each unknown once.")
+    for i, (form, v) in enumerate(zip(F, u)):
+        tests = form.arguments() if hasattr(form, "arguments") else ()
+        if len(tests) != 1:
+            raise InputError(
+                f"ContactProblem: F[{i}] has {len(tests)} test functions; give a UFL form that is"
+                " linear in one test function."
+            )
+        if tests[0].ufl_function_space().ufl_element() != v.function_space.ufl_element():
+            raise InputError(
+                f"ContactProblem: the test function of F[{i}] is not of the space of u[{i}]"
+                f" ({v.name}); give the residuals in the order of the unknowns."
+            )
+    for i, bc in enumerate(bcs):
+        count = sum(compat.contains(v.function_space, bc) for v in u)
+        if count != 1:
+            raise InputError(
+                f"ContactProblem: the space of bcs[{i}] is that of {count} unknowns; "
+                + (
+                    "make the condition on the space of an unknown, or on a part V.sub(i) of it."
+                    if count == 0
+                    else "give each unknown a function space of its own."
+                )
+            )
 
 
 def _check_slaves(pairs: Sequence[ContactPair]) -> None:

@@ -2,8 +2,9 @@
 """The monolithic system of a contact problem: unknowns, residual, matrix (Ben Dhia and Zarroug 2002).
 
 Unknowns are the bulk's and, for each pair, λ/s and Λ/ρ_τ with s the pair's scale [pressure/length].
-The rows of (F2) are multiplied by s and those of (F3) by ρ_τ. All rows are then forces and the
-blocks are of one size, whatever the units of the user.
+The rows of (F2) are multiplied by s and those of (F3) by ρ_τ, and in mixed models the bulk's other
+unknowns than displacements have scales as well (scaling.py). All rows are then forces and the blocks
+are of one size, whatever the units of the user.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy.typing as npt
 import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
+from ufl.algorithms import expand_derivatives
 
 from . import _cpp, compat
 from .bodies import Bodies
@@ -24,6 +26,7 @@ from .errors import InputError, together
 from .layout import Layout
 from .pair import ContactPair
 from .quadrature import QuadratureLaw
+from .scaling import block_scales
 from .surface import Surface
 
 # ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
@@ -66,7 +69,7 @@ class System:
         frictional = [pair for pair in pairs if pair.frictional]
         self.functions = self.u + [pair._multiplier for pair in pairs]
         self.functions += [pair._semi_multiplier for pair in frictional]
-        tools, dim = driven_tools(pairs), pairs[0].slave.dim
+        tools, dim = driven_tools(pairs), u[0].function_space.mesh.geometry.dim
         self.layout = Layout(self.comm, self.functions, bcs, 2 * dim * len(tools))
         self.driven = DrivenTools(tools, self.layout, len(self.functions))
         self.contacts = [
@@ -82,6 +85,8 @@ class System:
             for i, pair in enumerate(pairs)
         ]
         self.scale = [1.0] * len(self.functions)  # units of the unknowns
+        self._row_scale = [1.0] * len(self.u)
+        self._displacements = list(range(len(self.u)))  # blocks with rows that are forces
         self._stiffness = [1.0] * len(pairs)
         self.parameters: list[dict[str, float]] = []  # of each pair, in the present step
         self.reference_force = 0.0
@@ -167,6 +172,7 @@ class System:
             compat.set_bc(u, self.bcs)
             held = self.layout.held_mask(row)[: len(part)]
             part[held] = (before[row] - u.x.array)[: len(part)][held]
+            part *= self._row_scale[row]
         b.zeroEntries()
         b.array[: self.layout.offsets[len(self.u)]] = np.concatenate(parts)
 
@@ -202,7 +208,8 @@ class System:
         values g: the first Newton step then takes the bulk there along its tangent."""
         forces = compat.assemble_vector_local(self._F[row])
         norm = np.sqrt(self.comm.allreduce(float(forces @ forces)))
-        if np.isfinite(norm):  # reactions included: what residuals are compared to
+        # reactions included: what residuals are compared to
+        if np.isfinite(norm) and row in self._displacements:
             self.reference_force = max(self.reference_force, norm)
         if lift:
             columns = [j for j, a in enumerate(self._J[row]) if a is not None]
@@ -232,6 +239,7 @@ class System:
         self._update_materials()
         A.zeroEntries()
         self._add_bulk(A, self.bcs)
+        self._scale_bulk(A)
         with together(self.comm, "contact tangent"):
             for contact in self.contacts:
                 contact.assembler.tangent(A.handle)
@@ -248,6 +256,18 @@ class System:
                     compat.assemble_matrix_unrolled(A, a, bcs)
         if bcs:
             _add_diagonal(A, self.layout.held_rows(), 1.0)
+
+    def _scale_bulk(self, A: Any) -> None:
+        """Multiply the bulk's blocks by the scales of their rows and unknowns. Collective."""
+        if len(self._displacements) == len(self.u):
+            return
+        A.assemble()
+        left, right = A.createVecs()
+        for vector, scale in ((left, self._row_scale), (right, self.scale)):
+            vector.set(1.0)
+            for block in range(len(self.u)):
+                vector.array[self.layout.slice(block)] = scale[block]
+        A.diagonalScale(left, right)
 
     def _count_bulk(self) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """Nonzeros of the owned rows of the bulk: in columns of this rank, and of others."""
@@ -293,7 +313,8 @@ class System:
             for contact in self.contacts:
                 contact.assembler.insert_pattern(A.handle, False)
         self.driven.insert_pattern(A)
-        rows = self.layout.start + np.arange(self.layout.offsets[len(self.u)], n)
+        # also where the bulk has none, as in the rows of an incompressible body's pressure
+        rows = self.layout.start + np.arange(n)
         _add_diagonal(A, rows.astype(PETSc.IntType), 0.0)
         A.assemble()
 
@@ -399,7 +420,16 @@ class System:
         self.A.setSizes(((n, None), (n, None)))
         self.A.setType("aij")
         self._allocate(self.A)
-        diagonal = self.A.getDiagonal().array_r  # of the bulk: _allocate has added nothing else
+        diagonal = (
+            self.A.getDiagonal().array.copy()
+        )  # of the bulk: _allocate has added nothing else
+        present = [[a is not None for a in row] for row in self._J]
+        scales, self._row_scale, self._displacements = block_scales(
+            self.A, self.layout, present, self.bodies.blocks
+        )
+        self.scale[: len(self.u)] = scales
+        for block in set(range(len(self.u))) - set(self._displacements):
+            diagonal[self.layout.slice(block)] = 0.0
         x = max(float(np.abs(u.function_space.mesh.geometry.x).max(initial=0)) for u in self.u)
         sizes = np.array([np.abs(diagonal).max(initial=0), x])
         self.comm.Allreduce(MPI.IN_PLACE, sizes, op=MPI.MAX)
@@ -456,9 +486,15 @@ def derivative(
     for f in F:
         known, row = set(f.coefficients()), []
         for v in u:
-            parts = [ufl.derivative(f, v)] if v in known else []
+            parts = [_derivative(f, v)] if v in known else []
             parts += [m.tangent(f, v) for m in materials]
             parts = [part for part in parts if part is not None]
             row.append(sum(parts[1:], parts[0]) if parts else None)
         rows.append(row)
     return rows
+
+
+def _derivative(f: Any, u: Any) -> Any:
+    """Derivative of a form; None if it is zero, as that of a Lagrangian that is linear in u."""
+    form = ufl.derivative(f, u)
+    return None if expand_derivatives(form).empty() else form
