@@ -34,8 +34,9 @@ from .surface import Surface
 _RHO_N = 1e-2
 # ρ_τ μ p in the same units: here slip and change of Λ count about equally, and Newton settles best.
 _RHO_T = 1.0
-# ρ_τ times the facet's size is at most this: pressures may be tiny at the start of a step
-_MOST_RHO_T = 1500.0
+# ρ_τ times the facet’s size is at most this: pressures may be tiny as a step starts, and slender bodies
+# slip by a good part of a facet while friction builds up
+_MOST_RHO_T = 100.0
 
 
 class System:
