@@ -133,7 +133,7 @@ def make(
     poisson: float = 0.3,
     length: float = 1.0,
     friction: float = 0.3,
-    rho_n: float | None = None,
+    rho: tuple[float | None, float | None] = (None, None),
     strategy: Any = SHARP,
     more: Any = lambda models, bodies: [],
     **options: Any,
@@ -141,6 +141,7 @@ def make(
     """A block on a plane, or two bodies in one mesh or in two.
 
     Args:
+        rho: ρ_n and ρ_τ
         more: further Dirichlet conditions
     """
     material, both = Material(no_bulk, 0.0, 0.0), halves(length)
@@ -154,7 +155,9 @@ def make(
     master: Any = dc.RigidPlane((0.0, 0.0), (0.05, 1.0))
     if where != "plane":
         master = models[-1].surface(MASTER)
-    pair = dc.ContactPair(models[0].surface(SLAVE), master, friction=friction, rho_n=rho_n)
+    pair = dc.ContactPair(
+        models[0].surface(SLAVE), master, friction=friction, rho_n=rho[0], rho_t=rho[1]
+    )
     bcs = [bc for m in models for bc in m.bcs] + more(models, bodies)
     u, F = ([v for b in bodies for v in getattr(b, name)] for name in ("u", "F"))
     problem = dc.ContactProblem(F, u, [pair], bcs=bcs, strategy=strategy, **options)
@@ -172,10 +175,10 @@ def integral(form: Any) -> float:
 @pytest.mark.parametrize("where", ("plane", "one mesh", "two meshes"))
 def test_eliminated_fields(where, kind):
     """Up to round-off (1e-16) times the condition number of the matrix, about 1e4, and Newton's
-    tolerance. Simpson's rule sees ρ_n, which follows the block of u with u: it has μ alone in mixed
-    models; thus it is given."""
-    mixed, plain = make(where, kind, rho_n=5.0), make(where, "u", rho_n=5.0)
-    for drive in ((0.0, -0.08), (0.05, -0.1)):
+    tolerance. Simpson's rule sees ρ_n and ρ_τ, which follow the block of u with u: it has μ alone in
+    mixed models; thus they are given."""
+    mixed, plain = make(where, kind, rho=(5.0, 100.0)), make(where, "u", rho=(5.0, 100.0))
+    for drive in ((0.0, -0.08), (0.07, -0.08)):
         iterations = []
         for case in (mixed, plain):
             case.models[0].move(TOP, drive)
@@ -266,7 +269,7 @@ def test_newton_is_quadratic():
     wave = 1e-3 * np.stack([np.sin(5 * x[:, 1]), np.cos(4 * x[:, 0])], axis=1)
     case.problem.strategy = dc.Newton(rtol=1e-12)
     grown = powers(case.problem, u, wave, most=5)
-    np.testing.assert_allclose(grown, (1, 2, 4), atol=(0.1, 0.2, 0.4))
+    assert np.all(np.abs(grown / (1, 2, 4) - 1) < 0.1)
 
 
 @pytest.mark.parametrize("kind, poisson", [("taylor-hood", 0.5), ("u-p-theta", 0.45)])
@@ -282,6 +285,7 @@ def test_tangent(where, kind, poisson):
     x = system.x.copy()
     ends = [x.duplicate(), x.duplicate()]
     system.residual(x, system.b)
+    system.freeze("status")
     system.jacobian(x, system.A)
     count = len(system.functions)
     for column in range(count):
@@ -299,7 +303,6 @@ def test_tangent(where, kind, poisson):
             y = x.copy()
             y.axpy(sign * step, d)
             system.residual(y, b)
-            assert not system.changes.any()
         difference = (ends[0] - ends[1]) * (1 / (2 * step))
         for row in range(count):
             rows = system.layout.slice(row)
