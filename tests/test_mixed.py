@@ -13,7 +13,10 @@ p with p is empty.
 
 from __future__ import annotations
 
+import re
+import textwrap
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -492,6 +495,24 @@ def test_no_pairs():
     problem = dc.ContactProblem(body.F, body.u, [], bcs=[*model.bcs, clamp])
     assert problem.solve().iterations <= 8
     assert values(body.u[1])[1].min() < -1
+
+
+# -- the how-to -------------------------------------------------------------------------------------
+
+
+def test_recipes():
+    """Those of docs/mixed.md run one after the other, to the same solution."""
+    text = (Path(__file__).parent.parent / "docs" / "mixed.md").read_text()
+    recipes = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict[str, Any] = {}
+    resultants = []
+    for recipe in recipes:
+        exec(compile(textwrap.dedent(recipe), "mixed.md", "exec"), names)
+        resultants.append(names["pair"].resultant())
+    assert len(resultants) == 2 and resultants[0][1] > 0.1
+    # p and θ = 1 + p/λ are of one space: the same equations
+    np.testing.assert_allclose(resultants[1], resultants[0], atol=1e-6 * resultants[0][1])
+    assert values(names["theta"])[1].min() > 0.99
 
 
 # -- bad input --------------------------------------------------------------------------------------
