@@ -274,7 +274,8 @@ def evaluate(
     """Values of a compiled expression at its points in some cells; (cells, points, components)."""
     values = expression.eval(cells) if _OLD else expression.eval(mesh, cells)
     points = expression.X() if callable(expression.X) else expression.X
-    return np.asarray(values).reshape(len(cells), len(points), -1)
+    size = int(np.prod(expression.ufl_expression.ufl_shape))
+    return np.asarray(values).reshape(len(cells), len(points), size)
 
 
 # -- index maps -------------------------------------------------------------------------------

@@ -84,6 +84,7 @@ class PairAssembly:
             prescribed; None: all are
 
     Attributes:
+        touches: with friction, whether there were particles in contact as the step began
         tool_of_piece: number of the tool of each piece, and −1 at the end
     """
 
@@ -131,7 +132,7 @@ class PairAssembly:
         self._make_tool(tool_dofs)
         self._excluded = self._exclude(pair._multiplier, pair.pressure_space, pair._psi)
         self.held = self._excluded.copy()
-        self._friction = None
+        self._friction, self.touches = None, False
         if friction is not None:
             self._friction = FrictionUnknowns(pair)
             self.friction_projection = Projection(pair, pair.friction, pair._phi, own)
@@ -257,7 +258,8 @@ class PairAssembly:
             self.assembler.begin_step(-1.0)
             return
         self.update(at_rest=True)
-        self.assembler.begin_step(self.pair.initial_contact)
+        touched = self.assembler.begin_step(self.pair.initial_contact)
+        self.touches = self._comm.allreduce(touched) > 0
         powers, coefficients, nodes = self.pair._phi
         continuous = self.pair.friction_space[0] not in ("DG", "Discontinuous Lagrange", "DP")
         free = self.assembler.nodes()[2]

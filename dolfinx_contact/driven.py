@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from .errors import UnheldError
+from .errors import InputError, UnheldError
 from .layout import Layout
 from .tools import RigidTool
 
@@ -71,6 +71,12 @@ class DrivenTools:
             tool.translation = c.copy()
         self._reactions = state[-1].copy()
 
+    def go_to(self, state: Sequence[Any]) -> None:
+        """As ``set_state``, but only in the directions in which the tools move freely."""
+        for tool, c in zip(self.tools, state):
+            E = tool.directions
+            tool.translation = tool.translation + E.T @ (E @ (c - tool.translation))
+
     def read(self, x: Any) -> None:
         """Fill the system's vector from the tools."""
         if self._comm.rank == 0 and self.tools:
@@ -90,6 +96,16 @@ class DrivenTools:
         for tool, (c, _) in zip(self.tools, values):
             tool.translation = c.copy()
         self._reactions = self.stiffness * values[:, 1]
+
+    def check(self, pairs: Sequence[Any]) -> None:
+        """Raises InputError if a tool of the pairs is driven, but has no unknowns."""
+        for tool in driven_tools(pairs):
+            if tool not in self.tools:
+                raise InputError(
+                    f"A {type(tool).__name__} was pushed for the first time after the"
+                    " ContactProblem was made; push it before (a force of zero will do, with"
+                    " along=...), or make a new problem."
+                )
 
     # -- a step ---------------------------------------------------------------------------------
 

@@ -156,10 +156,11 @@ def flow(law: Hardening, mu: float, q: Array, ep: Array) -> Array:
         ep: plastic strains before the step, (n,)
 
     Returns:
-        Δε_p (0 in elastic steps) and dσ_y/dε_p at its end; (n, 2)
+        Δε_p, and dσ_y/dε_p at its end, infinite in elastic steps; (n, 2)
     """
-    out = np.zeros((len(q), 2))
     stress, slope = law(ep)
+    on_surface = q - stress > -1e-8 * q
+    out = np.stack([np.zeros(len(q)), np.where(on_surface, slope, np.inf)], axis=1)
     at = np.flatnonzero(q > stress)
     q, ep, slope, g = q[at], ep[at], slope[at], (q - stress)[at]
     x, low, high = np.zeros(len(at)), np.zeros(len(at)), q / (3 * mu)

@@ -36,8 +36,8 @@ class J2(QuadratureLaw):
     """Hencky elasticity and von Mises plasticity, integrated with the exponential map.
 
     Elastic energy is λ/2 (tr ε)² + μ ε:ε in the logarithmic elastic strain ε; plastic flow keeps the
-    volume. State is kept in three dimensions also where the mesh has two. The construction is
-    collective.
+    volume, so that linear elements lock: take quadratic ones, or a mixed F. State is kept in three
+    dimensions also where the mesh has two. The construction is collective.
 
     Args:
         u: displacement
@@ -45,7 +45,8 @@ class J2(QuadratureLaw):
         nu: Poisson's ratio, −1 < nu < 1/2
         hardening: Swift, Linear, Voce, Tabulated, or a function of an array of plastic strains that
             returns yield stresses and slopes (arrays)
-        quadrature_degree: of the points
+        quadrature_degree: of the points; 2 is enough for linear elements, and for quadratic triangles
+            and tetrahedra; quadratic quadrilaterals and hexahedra need 4, or they have hourglasses
         F: deformation gradient of u and maybe other unknowns in place of I + grad u: F̄ of a mixed
             or F-bar method; (2, 2) for plane strain, else (3, 3)
         kind: "plane strain" (the default in 2D), "axisymmetric" about x[0] = 0 (components in the

@@ -39,7 +39,8 @@ class ContactProblem:
 
     Raises:
         InputError: on all ranks, if F and u do not match, a pair is used twice, a surface is moved
-            by a Function that is not among u, or slave surfaces share nodes
+            by a Function that is not among u, slave surfaces share nodes, or a material and F do
+            not belong together
     """
 
     def __init__(
@@ -66,7 +67,8 @@ class ContactProblem:
         _check_unknowns(forms, unknowns, bcs)
         if isinstance(pairs, ContactPair):
             pairs = [pairs]
-        if not all(isinstance(p, ContactPair) for p in pairs):
+        listed = isinstance(pairs, (list, tuple))
+        if not listed or not all(isinstance(p, ContactPair) for p in pairs):
             raise InputError("ContactProblem: pairs must be a list of ContactPair.")
         self.pairs, self.u = list(pairs), unknowns
         self.comm = unknowns[0].function_space.mesh.comm
@@ -135,6 +137,14 @@ class ContactProblem:
         for u, values in zip(self.u, state):
             u.x.array[:] = values
         self.system.driven.set_state(state[len(self.u) :])
+
+    def extrapolate(self, before: Sequence[Any], now: Sequence[Any], ratio: float) -> None:
+        """Go on from two states for another part of the way between them: displacements, and tools
+        in the directions in which forces drive them; where they are prescribed they stay."""
+        ahead = [b + ratio * (b - a) for a, b in zip(before, now)]
+        for u, values in zip(self.u, ahead):
+            u.x.array[:] = values
+        self.system.driven.go_to(ahead[len(self.u) :])
 
     @property
     def continues(self) -> bool:

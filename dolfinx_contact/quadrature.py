@@ -58,13 +58,14 @@ class QuadratureLaw:
 
     Raises:
         InputError: on all ranks, if F has no dolfinx Function, the degree is not a natural number,
-            or what the law returns does not fit
+            cells are not owned, or what the law returns does not fit
 
     Attributes:
         F: as given
         P: UFL expression of F's shape, for forms; P and the measure belong together
         A: dP/dF as a quadrature Function, F's components in a row; (size, size)
         dx: measure with the law's points
+        size: number of this rank's points
     """
 
     def __init__(
@@ -98,12 +99,18 @@ class QuadratureLaw:
         self._expression = self._compile(self._flat)
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         self._cells = np.arange(owned, dtype=np.int32)
-        if cells is not None:
-            self._cells = np.asarray(cells, dtype=np.int32)
+        with together(self.comm, "QuadratureLaw"):
+            if cells is not None:
+                self._cells = np.unique(cells).astype(np.int32)
+                if np.any((self._cells < 0) | (self._cells >= owned)):
+                    raise InputError(
+                        f"QuadratureLaw: cells reach from {self._cells[0]} to {self._cells[-1]};"
+                        f" this rank owns the cells below {owned}."
+                    )
         self._stress = self.field((size,), "stress")
         self._stress._quadrature_law = self  # see check_materials
         self.A = self.field((size, size), "tangent")
-        self._points = compat.dof_list(self.A.function_space)[self._cells].ravel()
+        self.size = len(self._dofs(self.A))
         entries = np.array([self._stress[i] for i in range(size)], dtype=object)
         self.P = ufl.as_tensor(entries.reshape(self.shape).tolist()) if self.shape else entries[0]
         self._accepted = self._stress.x.array.copy()
@@ -131,8 +138,8 @@ class QuadratureLaw:
 
     def _evaluate(self) -> None:
         F = compat.evaluate(self._expression, self.mesh, self._cells)
-        P, A = self.law.update(F.reshape(-1, *self.shape))
-        P, A, n = np.asarray(P), np.asarray(A), len(self._points)
+        P, A = self.law.update(F.reshape(self.size, *self.shape))
+        P, A, n = np.asarray(P), np.asarray(A), self.size
         if P.shape != (n, *self.shape) or A.shape != (n, *self.shape, *self.shape):
             raise InputError(
                 f"QuadratureLaw: at {n} points and for F of shape {self.shape} the law returned P"
@@ -174,15 +181,14 @@ class QuadratureLaw:
 
     # -- values at points -----------------------------------------------------------------------
 
-    @property
-    def size(self) -> int:
-        """Number of this rank's points."""
-        return len(self._points)
+    def evaluate(self, expression: Any) -> Array:
+        """A UFL expression at this rank's points, in the order of the law; (size, *shape)."""
+        values = compat.evaluate(self._compile(expression), self.mesh, self._cells)
+        return values.reshape(self.size, *expression.ufl_shape)
 
     def positions(self) -> Array:
-        """Reference positions of this rank's points, in the order of the law; (size, dim)."""
-        x = self._compile(ufl.SpatialCoordinate(self.mesh))
-        return compat.evaluate(x, self.mesh, self._cells).reshape(self.size, -1)
+        """Reference positions of this rank's points; (size, dim)."""
+        return self.evaluate(ufl.SpatialCoordinate(self.mesh))
 
     def field(self, shape: tuple[int, ...] = (), name: str = "f") -> fem.Function:
         """A quadrature Function at the law's points, of scalars, vectors or matrices."""
@@ -196,11 +202,15 @@ class QuadratureLaw:
 
     def values(self, f: fem.Function) -> Array:
         """Values of a ``field`` at this rank's points, components in a row; (size, components)."""
-        return f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)[self._points]
+        return f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)[self._dofs(f)]
 
     def _put(self, f: fem.Function, values: Array) -> None:
         bs = f.function_space.dofmap.index_map_bs
-        f.x.array.reshape(-1, bs)[self._points] = values.reshape(-1, bs)
+        f.x.array.reshape(-1, bs)[self._dofs(f)] = values.reshape(-1, bs)
+
+    def _dofs(self, f: fem.Function) -> npt.NDArray[np.int32]:
+        """Local blocks of a field at the points."""
+        return compat.dof_list(f.function_space)[self._cells].ravel()
 
 
 def check_materials(

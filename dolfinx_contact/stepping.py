@@ -87,7 +87,9 @@ class LoadStepping:
         self._next, self._min, self._max = float(step), float(min_step), float(max_step)
         self._progress, self._shortest = progress, float("inf")
         self.time, self.steps = 0.0, list[Step]()
-        self._before: tuple[list[Any], float] | None = None  # u one accepted step ago, its length
+        self._before: tuple[
+            list[Any], float
+        ] | None = None  # state one accepted step ago, its length
 
     def __iter__(self) -> Iterator[Step]:
         hidden = not self._progress or self.problem.comm.rank > 0
@@ -114,9 +116,11 @@ class LoadStepping:
             # no sliver at the end
             length = left if self._next > left * (1 - 1e-9) else self._next
             target = self.end if length == left else self.time + length
-            self._apply(target)
             accepted = self.problem.state()
-            self._extrapolate(accepted, length)
+            self._apply(target)
+            if self._before is not None:
+                before, last = self._before
+                self.problem.extrapolate(before, accepted, length / last)
             try:
                 report = self.problem.solve()
             except ConvergenceError as error:
@@ -140,15 +144,6 @@ class LoadStepping:
             self.time = target
             self.steps.append(step)
             return step
-
-    def _extrapolate(self, accepted: list[Any], length: float) -> None:
-        """Begin a step where the displacements will be if they go on as in the last one."""
-        if self._before is None:
-            return
-        before, last = self._before
-        self.problem.set_state(
-            [now + (length / last) * (now - old) for old, now in zip(before, accepted)]
-        )
 
     def _put_back(self, accepted: list[Any]) -> None:
         """Displacements and loads of the last accepted step."""

@@ -46,10 +46,6 @@ class Newton:
         def run() -> bool:
             return NewtonLoop(system, options, self.rtol, self.max_it).run(report)
 
-        def direct() -> None:
-            system.start()
-            run()
-
         def from_predictor() -> None:
             system.fill(before)
             if _predict(system, run, run):
@@ -57,15 +53,16 @@ class Newton:
                 system.go_on()
                 run()
 
-        if not system.frictional:
-            direct()
-        elif system.without_pressure():
+        system.start()
+        if system.without_pressure():
             from_predictor()
-        else:
-            try:
-                direct()
-            except UnheldError:  # all slips at first; glued it may hold
-                from_predictor()
+            return report
+        try:
+            run()
+        except UnheldError:
+            if not system.frictional:
+                raise
+            from_predictor()  # all slips at first; glued it may hold
         return report
 
 
@@ -117,11 +114,12 @@ class FixedPoint:
                 system.go_on()
                 run()
 
-        if system.without_pressure():
-            from_predictor()
-            return report
         before = system.values()
         system.start()
+        if system.without_pressure():
+            system.fill(before)
+            from_predictor()
+            return report
         try:
             run()
         except UnheldError:  # all slips at first; glued it may hold

@@ -178,7 +178,9 @@ class System:
 
         self.changes = np.zeros(3, dtype=int)
         for pair, contact in zip(self.pairs, self.contacts):
-            self.changes += contact.update(pair.initial_contact if close else -1.0)
+            # particles that are near count as closed only where nothing carries yet
+            first = close and contact.largest_pressure() == 0
+            self.changes += contact.update(pair.initial_contact if first else -1.0)
             with together(self.comm, "contact residual"):
                 contact.assembler.residual(b.handle)
         self.driven.residual(b)
@@ -325,6 +327,7 @@ class System:
         Args:
             friction: False: solve without it first, then ``go_on``
         """
+        self.driven.check(self.pairs)
         self.reference_force = 0.0
         for contact in self.contacts:
             contact.begin_step()
@@ -380,9 +383,10 @@ class System:
         return any(pair.frictional for pair in self.pairs)
 
     def without_pressure(self) -> bool:
-        """Whether some pair with friction has no pressure at all yet. Collective."""
-        pressures = [c.largest_pressure() for c in self.contacts if c.pair.frictional]
-        return not all(p > 0 for p in pressures)
+        """Whether some pair with friction touches without any pressure yet, in the step that has
+        been started. Collective."""
+        pressures = [c.largest_pressure() for c in self.contacts if c.touches]
+        return bool(pressures) and not any(p > 0 for p in pressures)
 
     def mark(self) -> None:
         """Keep the particles' present states for ``recall``."""

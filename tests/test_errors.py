@@ -276,9 +276,14 @@ def test_lists_of_different_lengths():
     expect(dc.InputError, problem([upper.F, lower.F], [upper.u, lower.u], J), "J", "2 rows of 2")
 
 
-def test_no_unknown_or_no_pair(model):
+def test_no_unknown_or_no_pairs(model):
     expect(dc.InputError, lambda: dc.ContactProblem(model.F, [], []), "u must be")
-    expect(dc.InputError, lambda: dc.ContactProblem(model.F, model.u, []), "list of ContactPair")
+    for pairs in (None, [model.surface(SLAVE)]):
+        expect(
+            dc.InputError,
+            lambda: dc.ContactProblem(model.F, model.u, pairs),
+            "list of ContactPair",
+        )
     expect(dc.InputError, lambda: dc.ContactProblem(model.F, "u", []), "dolfinx Function")
 
 

@@ -397,9 +397,6 @@ auto Assembler<D>::nodes() const -> std::vector<Node>
       node.has_target = there.target.facet >= 0;
       node.n = there.n;
       may_move(_slave, f, _slave_dofs, xi, node.free_to_move);
-      if (node.has_target and not _tool_dofs.empty())
-        for (int i = 0; i < D; ++i)
-          node.free_to_move[i] = node.free_to_move[i] or _tool_dofs[there.piece * D + i] >= 0;
       if (node.has_target and not _tool)
         may_move(_master, there.target.facet, _master_dofs, there.target.xi.data(),
                  node.free_to_move);

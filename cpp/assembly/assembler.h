@@ -152,7 +152,9 @@ public:
   {
     bool has_target = false;
     Vector<D> n = Vector<D>::Zero();    ///< normal at its target
-    std::array<bool, D> free_to_move{}; ///< component i of the slave or of its target is free
+    /// Component i of the slave or of its target is free. (A tool does not count, though a force
+    /// may drive it: two held nodes on one tool would be dependent.)
+    std::array<bool, D> free_to_move{};
   };
 
   /// All of Particles::nodes of all own facets, where the surfaces are now: (own facets, nodes).
@@ -209,7 +211,8 @@ public:
   /// particles that touch now. A particle that closes later in the step has no slip before it does,
   /// and where it has come from says nothing about friction.
   /// @param close as for `update`
-  void begin_step(double close);
+  /// @returns the number of particles on which friction acts; 0 without friction
+  int begin_step(double close);
   const std::vector<State>& states() const { return _now.states; }
 
   /// Numbers of closed particles on the pieces of the tool.

@@ -146,7 +146,7 @@ Vector<D> Assembler<D>::first_normal(const State& s) const
 }
 
 template <int D>
-void Assembler<D>::begin_step(double close)
+int Assembler<D>::begin_step(double close)
 {
   _frozen = {};
   for (State& s : _now.states)
@@ -154,8 +154,9 @@ void Assembler<D>::begin_step(double close)
   for (State& s : _accepted.states)
     s.changes = 0;
   if (not _options.rubbing)
-    return;
+    return 0;
   _first_normals = _slave_normals;
+  int touched = 0;
   Cloud kept = _now; // `restore` comes back into the step that begins here
   for (State& s : kept.states)
   {
@@ -170,8 +171,10 @@ void Assembler<D>::begin_step(double close)
     s.weight = weight;
     s.touched = now.touched = s.closed or now.gap > touching;
     s.n0 = now.n0 = first_normal(now);
+    touched += s.touched;
   }
   _accepted = std::move(kept);
+  return touched;
 }
 
 template <int D>
@@ -202,8 +205,8 @@ template Vector<2> Assembler<2>::first_normal(const State&) const;
 template Vector<3> Assembler<3>::first_normal(const State&) const;
 template auto Assembler<2>::nearest(const Cloud&, const State&) -> const State*;
 template auto Assembler<3>::nearest(const Cloud&, const State&) -> const State*;
-template void Assembler<2>::begin_step(double);
-template void Assembler<3>::begin_step(double);
+template int Assembler<2>::begin_step(double);
+template int Assembler<3>::begin_step(double);
 template void Assembler<2>::accept();
 template void Assembler<3>::accept();
 

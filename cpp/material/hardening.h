@@ -62,12 +62,16 @@ struct Tabulated
 /// Plastic flow in a step.
 struct Flow
 {
-  double amount = 0; ///< increment Δε_p ≥ 0, 0 in elastic steps
-  double slope = 0;  ///< dσ_y/dε_p at its end
+  double amount = 0; ///< increment Δε_p ≥ 0
+  /// dσ_y/dε_p at its end; infinite in elastic steps, where nothing can flow
+  double slope = std::numeric_limits<double>::infinity();
 };
 
 /// Solves q − 3μ Δε_p − σ_y(ε_p + Δε_p) = 0 by Newton's method in a bracket: the left side is
 /// positive at 0 and negative at q/(3μ), and σ_y may be as steep as it likes in between.
+///
+/// A point that flowed in the last step begins the next one on the yield surface, up to round-off.
+/// Both derivatives are right there, and that of flow is the better guess.
 /// @param q von Mises' trial stress
 /// @param ep accumulated plastic strain before the step
 template <typename Law>
@@ -77,7 +81,7 @@ Flow flow(const Law& law, double mu, double q, double ep)
   YieldStress yield = law(ep);
   double g = q - yield.stress;
   if (not(g > 0))
-    return {};
+    return g > -1e-8 * q ? Flow{0, yield.slope} : Flow{};
   double x = 0, low = 0, high = q / (3 * mu);
   // bisection alone would end before that
   for (int i = 0; i < 100 and std::abs(g) > 4 * eps * q; ++i)

@@ -111,7 +111,7 @@ Eigen::Matrix<double, K, K, Eigen::RowMajor> tangent(const Elasticity& el, const
 
   Matrix3 D = Matrix3::Constant(el.lambda + 2 * mu / 3 * (1 - r));
   D.diagonal().array() += 2 * mu * r;
-  if (f.amount > 0)
+  if (q > 0)
   {
     const Vector3 N = t.e.normalized();
     D += 6 * mu * mu * (f.amount / q - 1 / (3 * mu + f.slope)) * N * N.transpose();

@@ -61,7 +61,7 @@ int update(const Elasticity& elasticity, const Hardening& hardening, int k,
            const PlasticResponse& out);
 
 /// The same with Δε_p of each point as it is given; the yield surface is not looked at.
-/// @param flow shape (n, 2): Δε_p, and dσ_y/dε_p at its end
+/// @param flow shape (n, 2): Δε_p, and dσ_y/dε_p at its end, infinite in elastic steps
 int update_given(const Elasticity& elasticity, std::span<const double> flow, int k,
                  std::span<const double> F, const PlasticState<const double>& old,
                  const PlasticResponse& out);
