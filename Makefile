@@ -48,6 +48,7 @@ demo: install
 	$(PY) demos/wedge.py
 	$(PY) demos/ironing.py
 	$(PY) demos/drag_and_turn.py
+	$(PY) demos/rubber.py
 
 test: install ctest pytest-1 pytest-2 pytest-3
 

@@ -98,7 +98,7 @@ def test_coupled_unknowns(partition):
     system.read()
     system.residual(system.x, system.b)
     system.create_matrix()
-    pair._multiplier.x.array[:] = -1.0  # the scale of λ is known now
+    pair._multiplier.x.array[:] = -1.0  # the scales of λ and q are known now
     system.read()
     system.residual(system.x, system.b)
     system.jacobian(system.x, system.A)
@@ -106,6 +106,10 @@ def test_coupled_unknowns(partition):
     matrix = numbering.dense(system.A)
     expected = bulk_blocks(system, J, bcs)
     blocks = [numbering.block == i for i in range(3)]
+    (one, row), (same, column) = system._row_scale, system.scale[:2]
+    assert one == same == 1.0 and row > 0 and column > 0
+    expected[blocks[1]] *= row
+    expected[:, blocks[1]] *= column
     for i, j in ((0, 1), (1, 0), (1, 1)):
         part = np.ix_(blocks[i], blocks[j])
         assert np.abs(expected[part]).max() > 1e-3
@@ -122,7 +126,7 @@ def test_coupled_unknowns(partition):
         dofs = system.layout.system_dofs(i, np.arange(len(parts), dtype=np.int64))
         value = whole[numbering.position[dofs]]
         if i == 1:  # contact adds nothing to it
-            assert relative(value, parts) < 4 * EPS
+            assert relative(value, row * parts) < 4 * EPS
         else:  # nodes away from the interfaces
             far = np.abs(numbering.points[numbering.position[dofs], 1]) > 0.3
             assert far.any() and relative(value[far], parts[far]) < 4 * EPS
