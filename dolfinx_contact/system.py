@@ -179,9 +179,7 @@ class System:
 
         self.changes = np.zeros(3, dtype=int)
         for pair, contact in zip(self.pairs, self.contacts):
-            # particles that are near count as closed only where nothing carries yet
-            first = close and contact.largest_pressure() == 0
-            self.changes += contact.update(pair.initial_contact if first else -1.0)
+            self.changes += contact.update(pair.initial_contact if close else -1.0)
             with together(self.comm, "contact residual"):
                 contact.assembler.residual(b.handle)
         self.driven.residual(b)

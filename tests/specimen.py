@@ -99,6 +99,8 @@ def tangent_error(problem: Any) -> float:
     system.jacobian(system.x, system.A)
     x, d = system.x.copy(), system.x.duplicate()
     d.array[:] = rng.uniform(-1, 1, len(d.array_r))
+    for block, scale in enumerate(system.scale):  # of the same size in the user's units
+        d.array[system.layout.slice(block)] /= scale
     product = system.A * d
 
     def residual(length: float) -> Any:
