@@ -26,7 +26,8 @@ class ContactProblem:
 
     Args:
         F: residual form of the bulk, or a list of them, one for each unknown
-        u: unknown Function, or a list; the displacement of each Surface must be among them
+        u: unknown Function, or a list, in the order of F (displacement and pressure, say); the
+            displacement of each Surface must be among them
         pairs: contact pairs; none for the bulk alone
         bcs: Dirichlet conditions; they find their unknown by their space
         J: Jacobian of F (by UFL's derivative if None); for lists a list of rows with None where
