@@ -39,9 +39,9 @@ class ContactProblem:
             {"ksp_type": "gmres"}
 
     Raises:
-        InputError: on all ranks, if F and u do not match, a pair is used twice, a surface is moved
-            by a Function that is not among u, slave surfaces share nodes, or a material and F do
-            not belong together
+        InputError: on all ranks, if F and u do not match, a condition is not on the space of one
+            unknown, a pair is used twice, a surface is moved by a Function that is not among u,
+            slave surfaces share nodes, or a material and F do not belong together
     """
 
     def __init__(
