@@ -36,7 +36,7 @@ _RHO_N = 1e-2
 _RHO_T = 1.0
 # ρ_τ times the facet’s size is at most this: pressures may be tiny as a step starts, and slender bodies
 # slip by a good part of a facet while friction builds up
-_MOST_RHO_T = 100.0
+_MOST_RHO_T = 50.0
 
 
 class System:
