@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import inspect
+import os
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from mpi4py import MPI
 from . import _cpp
 from .errors import InputError, together
 from .surface import reference_facet
-from .tools import RigidTool
+from .tools import RigidTool, numbers
 
 
 class RigidMesh(RigidTool):
@@ -36,7 +38,7 @@ class RigidMesh(RigidTool):
     """
 
     def __init__(self, points: Any, cells: Any, flip: bool = False):
-        x = np.asarray(points, dtype=float)
+        x = numbers(points)
         c = np.asarray(cells)
         fits = x.ndim == 2 and c.ndim == 2 and len(c) > 0 and np.issubdtype(c.dtype, np.integer)
         if not fits or (x.shape[1], c.shape[1]) not in ((2, 2), (3, 3), (3, 4)):
@@ -83,10 +85,17 @@ class RigidMesh(RigidTool):
         """Edges join two cells at most, which run along them in opposite directions."""
         c, x = self.cells, self.points
         n = c.shape[1]
+        sides = np.linalg.norm(x[np.roll(c, -1, axis=1)] - x[c], axis=2)
+        if np.any(sides <= 1e-14 * np.abs(x).max()):
+            at = int(np.argmin(sides.min(axis=1)))
+            raise InputError(
+                f"RigidMesh: cell {at} has corners {c[at].tolist()} that coincide; remove cells"
+                f" without area ({n} different points each)."
+            )
         if self.dim == 2:
-            starts, count = np.unique(c, axis=None, return_counts=True)
+            ends, count = np.unique(c, return_counts=True)
             twice = any(len(np.unique(c[:, i])) < len(c) for i in (0, 1))
-            bad = starts[count > 2]
+            bad = ends[count > 2]
         else:
             edges = np.stack([c, np.roll(c, -1, axis=1)], axis=2).reshape(-1, 2)
             twice = len(np.unique(edges, axis=0)) < len(edges)
@@ -98,13 +107,6 @@ class RigidMesh(RigidTool):
                 + (f" at points {bad[:4].tolist()}" if len(bad) else "")
                 + " or neighbours turn against each other; make a surface that is a manifold, with"
                 " all cells counterclockwise seen from outside (in gmsh: reorient the surfaces)."
-            )
-        sides = np.linalg.norm(x[np.roll(c, -1, axis=1)] - x[c], axis=2)
-        if np.any(sides <= 1e-14 * np.abs(x).max()):
-            at = int(np.argmin(sides.min(axis=1)))
-            raise InputError(
-                f"RigidMesh: cell {at} has corners {c[at].tolist()} that coincide; remove cells"
-                f" without area ({n} different points each)."
             )
 
     def _surface(self) -> Any:
@@ -149,23 +151,26 @@ def _read(path: Path, tags: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
 
     if not path.is_file():
         raise InputError(f"RigidMesh.read: there is no file {str(path)!r}.")
-    ours = not gmsh.isInitialized()
+    ours = not _is_running(gmsh)
     if ours:
-        gmsh.initialize(interruptible=False)
+        known = inspect.signature(gmsh.initialize).parameters
+        gmsh.initialize(**({"interruptible": False} if "interruptible" in known else {}))
     before = gmsh.option.getNumber("General.Terminal")
+    model = gmsh.model.getCurrent()
     gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("rigid mesh")
     try:
-        gmsh.model.add("rigid mesh")
         gmsh.merge(str(path))
-        numbers, x, _ = gmsh.model.mesh.getNodes()
+        nodes, x, _ = gmsh.model.mesh.getNodes()
         blocks = {
             dim: _cells(dim, kind, name, tags)
             for dim, kind, name in ((2, (2, 3), "surface"), (1, (1,), "line"))
         }
-        gmsh.model.remove()
     except Exception as error:  # gmsh raises plain Exception
         raise InputError(f"RigidMesh.read: gmsh cannot read {str(path)!r}: {error}") from None
     finally:
+        gmsh.model.remove()
+        gmsh.model.setCurrent(model)
         gmsh.option.setNumber("General.Terminal", before)
         if ours:
             gmsh.finalize()
@@ -176,8 +181,8 @@ def _read(path: Path, tags: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
             f"RigidMesh.read: {str(path)!r} has no triangles or quadrilaterals (or lines, in 2D)"
             + ("." if tags is None else f" in the physical groups {tags!r}.")
         )
-    position = np.zeros(int(numbers.max()) + 1, dtype=np.int64)
-    position[numbers.astype(np.int64)] = np.arange(len(numbers))
+    position = np.zeros(int(nodes.max()) + 1, dtype=np.int64)
+    position[nodes.astype(np.int64)] = np.arange(len(nodes))
     x = x.reshape(-1, 3)[:, : dim + 1]
     # corners at one place
     used = np.unique(position[cells])
@@ -188,6 +193,23 @@ def _read(path: Path, tags: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
     renumbered = np.zeros(len(x), dtype=np.int64)
     renumbered[used] = same.ravel()
     return x[used[first]], renumbered[position[cells]]
+
+
+def _is_running(gmsh: Any) -> bool:
+    """Whether gmsh has been initialised. Up to 4.8 it does not say, but then has no model, and
+    complains on stderr."""
+    if hasattr(gmsh, "isInitialized"):
+        return bool(gmsh.isInitialized())
+    stderr = os.dup(2)
+    try:
+        with open(os.devnull, "w") as null:
+            os.dup2(null.fileno(), 2)
+        return len(gmsh.model.list()) > 0
+    except Exception:
+        return False
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
 
 
 def _cells(dim: int, kinds: tuple[int, ...], name: str, tags: Any) -> npt.NDArray[np.int64]:

@@ -49,16 +49,16 @@ class RigidTool:
             InputError: a vector of another size, or a matrix that is not a rotation
         """
         dim = self.dim
-        c = np.zeros(dim) if translation is None else np.asarray(translation, dtype=float)
+        c = np.zeros(dim) if translation is None else numbers(translation)
         if c.shape != (dim,) or not np.all(np.isfinite(c)):
             raise InputError(f"move: translation is {translation!r}; give {dim} finite numbers.")
         if rotation is None:
             R = np.eye(dim)
         elif dim == 2 and np.ndim(rotation) == 0:
-            cos, sin = np.cos(rotation), np.sin(rotation)
+            cos, sin = np.cos(numbers(rotation)), np.sin(numbers(rotation))
             R = np.array([[cos, -sin], [sin, cos]])
         else:
-            R = np.asarray(rotation, dtype=float)
+            R = numbers(rotation)
         proper = R.shape == (dim, dim) and np.allclose(R @ R.T, np.eye(dim), atol=1e-9)
         if not proper or np.linalg.det(R) < 0:
             raise InputError(
@@ -84,12 +84,12 @@ class RigidTool:
             InputError: vectors of another size or not finite, no direction, dependent directions,
                 or a force outside of them
         """
-        f = np.asarray(force, dtype=float)
+        f = numbers(force)
         if f.shape != (self.dim,) or not np.all(np.isfinite(f)):
             raise InputError(f"push: force is {force!r}; give {self.dim} finite numbers.")
         if along is None:
             along = f if np.any(f) or not len(self.directions) else self.directions
-        E = np.atleast_2d(np.asarray(along, dtype=float))
+        E = np.atleast_2d(numbers(along))
         if E.shape[1:] != (self.dim,) or not np.all(np.isfinite(E)) or len(E) > self.dim:
             raise InputError(
                 f"push: along is {along!r}; give one direction, or up to {self.dim}, of"
@@ -132,7 +132,7 @@ class RigidTool:
         Returns:
             (3,) in 3D, (1,) in 2D
         """
-        point = self.translation if about is None else np.asarray(about, dtype=float)
+        point = self.translation if about is None else numbers(about)
         if np.shape(point) != (self.dim,):
             raise InputError(f"moment: about is {about!r}; give a point of {self.dim} numbers.")
         total = self._resultant()
@@ -178,9 +178,17 @@ def compose(outer: npt.NDArray[Any], inner: npt.NDArray[Any]) -> npt.NDArray[np.
     return np.column_stack([R @ inner[:, :-1], R @ inner[:, -1] + outer[:, -1]])
 
 
+def numbers(value: Any) -> npt.NDArray[np.float64]:
+    """An array of floats; a nan, which fits nowhere, if it is none."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)
+
+
 def _vectors(what: str, given: dict[str, Any], dims: tuple[int, ...]) -> list[Any]:
     """Vectors of one size, finite; those called normal or axis are returned with length 1."""
-    out = [np.asarray(v, dtype=float) for v in given.values()]
+    out = [numbers(v) for v in given.values()]
     fits = all(v.shape == out[0].shape and v.shape in [(d,) for d in dims] for v in out)
     if not fits or not np.all(np.isfinite(out)):
         sizes = " or ".join(map(str, dims))
@@ -198,7 +206,7 @@ def _vectors(what: str, given: dict[str, Any], dims: tuple[int, ...]) -> list[An
 
 def _positive(what: str, **given: float) -> None:
     for name, value in given.items():
-        if not (np.isscalar(value) and np.isfinite(value) and value > 0):
+        if np.ndim(value) != 0 or not 0 < numbers(value) < np.inf:
             raise InputError(f"{what}: {name} is {value!r}; give a positive length.")
 
 
@@ -224,12 +232,13 @@ class RigidPlane(RigidTool):
         self.point, self.normal = _vectors(
             "RigidPlane", {"point": point, "normal": normal}, (2, 3)
         )
-        if not (np.shape(extent) == (2,) and 0 <= extent[0] < extent[1]):
+        ends = numbers(extent)
+        if ends.shape != (2,) or not 0 <= ends[0] < ends[1]:
             raise InputError(
                 f"RigidPlane: extent is {extent!r}; give two distances, 0 ≤ inner < outer."
             )
         super().__init__(len(self.point))
-        self.extent = float(extent[0]), float(extent[1])
+        self.extent = float(ends[0]), float(ends[1])
 
     def _add(self, tool: Any, search: dict[str, Any]) -> None:
         tool.add_plane(self.point, self.normal, *self.extent)
@@ -340,8 +349,8 @@ class RigidComposite(RigidTool):
     """
 
     def __init__(self, tools: Sequence[RigidTool]):
-        tools = list(tools)
-        if not tools or not all(isinstance(t, RigidTool) for t in tools):
+        given = isinstance(tools, (list, tuple)) and len(tools) > 0
+        if not given or not all(isinstance(t, RigidTool) for t in tools):
             raise InputError(
                 f"RigidComposite: tools is {tools!r}; give a list of rigid tools, at least one."
             )
@@ -351,7 +360,7 @@ class RigidComposite(RigidTool):
                 " rather than one of them."
             )
         super().__init__(tools[0].dim)
-        self.tools = tools
+        self.tools = list(tools)
         self._inner = [
             (leaf, compose(t.motion(), place)) for t in tools for leaf, place in t._parts()
         ]
