@@ -48,7 +48,7 @@ class DrivenTools:
         self.dofs = self.dofs.reshape(len(tools), 2, dim)
         self.stiffness = 1.0
         self.approached = False  # in the present step: it says little about the next one
-        self._values = np.zeros(self.dofs.shape)
+        self._prescribed = [tool.translation.copy() for tool in self.tools]
         self._reactions = np.zeros((len(tools), dim))
 
     def dofs_of(self, tools: Sequence[RigidTool], dim: int) -> npt.NDArray[Any]:
