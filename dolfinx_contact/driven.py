@@ -49,7 +49,7 @@ class DrivenTools:
         self.stiffness = 1.0
         self._prescribed = [tool.translation.copy() for tool in tools]
         self.approached = False  # in the present step: it says little about the next one
-        self._values = np.zeros(self.dofs.shape)
+        self._prescribed = [tool.translation.copy() for tool in self.tools]
         self._reactions = np.zeros((len(tools), dim))
 
     def dofs_of(self, tools: Sequence[RigidTool], dim: int) -> npt.NDArray[Any]:
@@ -165,6 +165,18 @@ class DrivenTools:
             far = float(np.max(np.linalg.norm(c, axis=1) / self._reach))
         return 1.0 / max(1.0, self._comm.bcast(far, root=0))
 
+    def adrift(self, contacts: Sequence[Any]) -> bool:
+        """Whether some tool with a load touches nothing. Collective."""
+        if not self.tools:
+            return False
+        loaded = [bool(np.any(tool.load)) for tool in self.tools]
+        return bool(np.any((self._touching(contacts) == 0) & loaded))
+
+    def _touching(self, contacts: Sequence[Any]) -> npt.NDArray[np.int64]:
+        """Number of closed particles on each tool. Collective."""
+        counts = [sum(c.touching(tool) for c in contacts) for tool in self.tools]
+        return self._comm.allreduce(np.array(counts, dtype=np.int64))
+
     # -- residual and matrix --------------------------------------------------------------------
 
     def residual(self, b: Any) -> None:
@@ -177,6 +189,19 @@ class DrivenTools:
             rows = np.concatenate([r[:m], s * E[m:] @ (tool.translation - at)])
             b.setValues(dofs.ravel(), np.concatenate([-tool.load - E.T @ r, rows]), addv=_ADD)
 
+    def lack(self, b: Any, round_off: float) -> float:
+        """Largest part of its load that a tool's rows of the residual b leave, above round-off.
+        Collective."""
+        if not self.tools:
+            return 0.0
+        most = 0.0
+        if self._comm.rank == 0:
+            rows = b.array_r[self._layout.slice(self.block)].reshape(self.dofs.shape)[:, 0]
+            left = np.maximum(np.linalg.norm(rows, axis=1) - round_off, 0.0)
+            loads = np.array([np.linalg.norm(tool.load) for tool in self.tools])
+            most = float(np.max(left / np.where(loads > 0, loads, np.inf)))
+        return self._comm.bcast(most, root=0)
+
     def tangent(self, A: Any, contacts: Sequence[Any]) -> None:
         """Add its derivative. Collective.
 
@@ -184,9 +209,7 @@ class DrivenTools:
         """
         if not self.tools:
             return
-        touching = self._comm.allreduce(
-            np.array([sum(c.touching(tool) for c in contacts) for tool in self.tools])
-        )
+        touching = self._touching(contacts)
         if self._comm.rank != 0:
             return
         for tool, dofs, closed in zip(self.tools, self.dofs, touching):

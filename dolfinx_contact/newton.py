@@ -136,7 +136,8 @@ class NewtonLoop:
 
     def _shorten(self, x: Any, step: Any) -> None:
         """Shorten a step that ends where the residual is not finite (inverted cells), or where
-        Newton makes no progress, since statuses cycle. Collective.
+        Newton makes no progress, since statuses cycle, or where a tool that a force drives has lost
+        the slave, or gone through it. Collective.
 
         As long as there is progress steps are whole: statuses settle fastest then. Without it, the
         residual has to fall: between changes of status it is smooth, and falls along the step.
@@ -147,14 +148,20 @@ class NewtonLoop:
         trial, b, tried = x.duplicate(), x.duplicate(), []
         system.mark()
         most = system.driven.longest(step)
-        for length in (most, 0.5 * most, 0.25 * most, 0.125 * most):
+        adrift = system.driven.adrift(system.contacts)
+        for halvings in range(7):
+            if halvings > 3 and min(tried)[0] < np.inf:
+                break
+            length = most * 0.5**halvings
             if tried:
                 system.recall()
             trial.waxpy(-length, step, x)
             self._evaluate(trial, b)
             norm = np.hypot(*system.norms(b))
+            if not adrift and system.driven.adrift(system.contacts):
+                norm = np.inf
             tried.append((norm if np.isfinite(norm) else np.inf, length))
-            if norm < np.inf and (progress or norm <= (1 - 0.2 * length) * norms[-1]):
+            if norm < np.inf and (progress or adrift or norm <= (1 - 0.2 * length) * norms[-1]):
                 break
         best = min(tried)[1]
         if best == tried[-1][1]:
@@ -176,7 +183,9 @@ class NewtonLoop:
         worst = max(bulk, contact)
         if not np.isfinite(worst):
             return reasons.DIVERGED_FNORM_NAN
-        if worst <= max(system.tolerance(snes.rtol), snes.atol, self._enough):
+        if worst <= max(snes.atol, self._enough) or system.settled(
+            snes.getFunction()[0], snes.rtol
+        ):
             return reasons.CONVERGED_FNORM_RELATIVE
         xnorm, ynorm, _ = norms
         if it > 0 and ynorm <= 1e-13 * xnorm and worst <= 1e-6 * system.reference_force:

@@ -150,7 +150,7 @@ class FixedPoint:
             system.residual(system.x, system.b)
             report.add(*system.norms(system.b), system.changes)
             left = max(system.norms(system.b))
-            if left <= max(system.tolerance(self.rtol), enough):
+            if left <= enough or system.settled(system.b, self.rtol):
                 return True
         report.reason = f"{self._order[level]} not settled after {self.max_loops} loops"
         return False

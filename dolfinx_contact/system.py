@@ -196,6 +196,13 @@ class System:
         """The norm of a residual that is small enough [force]."""
         return max(rtol * self.reference_force, self.round_off)
 
+    def settled(self, b: Any, rtol: float) -> bool:
+        """Whether a residual is small enough: both its norms, and what tools driven by forces lack
+        of their loads, which may be far below the bulk's forces. Collective."""
+        if max(self.norms(b)) > self.tolerance(rtol):
+            return False
+        return self.driven.lack(b, self.round_off) <= rtol
+
     def _violates_bcs(self, u: Any) -> bool:
         """Whether a Dirichlet value of u is not met on this rank."""
         values = u.x.array.copy()
