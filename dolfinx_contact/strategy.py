@@ -33,7 +33,8 @@ class Newton:
 
         With friction, a step that begins without any pressure is solved from its frictionless
         solution (formulation, section 7): friction then knows the pressures. A body that friction
-        alone holds is glued for that.
+        alone holds is glued for that. Where Newton fails, it tries again with another bound of
+        ρ_τ, which is kept for the next steps.
 
         Returns:
             what happened, over all attempts; the system's Functions hold the last iterate
@@ -42,6 +43,16 @@ class Newton:
             UnheldError: on all ranks, if nothing holds a body
         """
         before, report = system.values(), Report()
+        self._solve(system, options, before, report)
+        if not report.converged and system.other_bound():
+            system.fill(before)
+            self._solve(system, options, before, report)
+        return report
+
+    def _solve(
+        self, system: System, options: dict[str, Any], before: list[Any], report: Report
+    ) -> None:
+        """One attempt."""
 
         def run() -> bool:
             return NewtonLoop(system, options, self.rtol, self.max_it).run(report)
@@ -55,15 +66,13 @@ class Newton:
 
         system.start()
         if system.without_pressure():
-            from_predictor()
-            return report
+            return from_predictor()
         try:
             run()
         except UnheldError:
             if not system.frictional:
                 raise
             from_predictor()  # all slips at first; glued it may hold
-        return report
 
 
 @dataclass

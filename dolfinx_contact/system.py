@@ -34,9 +34,9 @@ from .surface import Surface
 _RHO_N = 1e-2
 # ρ_τ μ p in the same units: here slip and change of Λ count about equally, and Newton settles best.
 _RHO_T = 1.0
-# ρ_τ times the facet’s size is at most this: pressures may be tiny as a step starts, and slender bodies
-# slip by a good part of a facet while friction builds up
-_MOST_RHO_T = 50.0
+# ρ_τ times the facet's size is at most the first: pressures may be tiny as a step starts. Where Newton
+# fails, the second: slender bodies slip by a good part of a facet while friction builds up.
+_MOST_RHO_T = 1500.0, 50.0
 
 
 class System:
@@ -89,6 +89,7 @@ class System:
         self._row_scale = [1.0] * len(self.u)
         self._displacements = list(range(len(self.u)))  # blocks with rows that are forces
         self._stiffness = [1.0] * len(pairs)
+        self.most_rho_t = _MOST_RHO_T[0]
         self.parameters: list[dict[str, float]] = []  # of each pair, in the present step
         self.reference_force = 0.0
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
@@ -443,6 +444,17 @@ class System:
         self.driven.stiffness = float(sizes[0])
         self._stiffness = [contact.stiffness(diagonal) for contact in self.contacts]
 
+    def other_bound(self) -> bool:
+        """From now on take the other bound of ρ_τ; whether some pair is at it. Collective."""
+        highest, lowest = _MOST_RHO_T
+        self.most_rho_t = lowest if self.most_rho_t == highest else highest
+        bounded = [
+            p["rho_t"] * c.facet_size() > 0.99 * lowest
+            for p, c in zip(self.parameters, self.contacts)
+            if c.pair.frictional and c.pair.rho_t is None
+        ]
+        return any(bounded)
+
     def _choose_parameters(self, friction: bool) -> None:
         """Scales and augmentation parameters of a step.
 
@@ -461,7 +473,7 @@ class System:
             size, p = contact.facet_size(), contact.largest_pressure()
             p = p or 1e-6 * stiffness * size
             mu = max(pair.coefficient, 0.1)
-            rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), _MOST_RHO_T / size)
+            rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), self.most_rho_t / size)
             self.parameters.append({"rho_n": rho_n, "rho_t": rho_t, "pressure": p})
             self.scale[contact.friction_block] = rho_t
             contact.assembler.set_parameters(

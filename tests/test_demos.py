@@ -80,7 +80,14 @@ TOLERANCES = {
     # at the edge of contact, where the gap varies within the facet
     "edge: mean pressure × mean gap": 2e-2,
     # sticking particles around a node move to and fro by a part of the largest slip
-    "mean work of friction": 2e-2,  # 1.1e-2 in rubber
+    "mean work of friction": 1e-2,
+}
+
+# Where facets are large beside the slips and the variations of pressure, twice what the demo has: in
+# the block of rubber they stick and slip side by side; single particles of the sheet are in tension.
+COARSE = {
+    "rubber": {"mean work of friction": 0.1, "mean friction drives the mean slip": 2e-11},
+    "sheet": {"mean friction exceeds μ times the mean pressure": 1e-3},
 }
 
 
@@ -226,6 +233,7 @@ class Judge:
 
     Args:
         falsify: see WRONG
+        coarse: see COARSE
 
     Attributes:
         worst: largest violation of each law so far
@@ -233,7 +241,8 @@ class Judge:
         caught: the laws that each falsified table was seen to violate
     """
 
-    def __init__(self, monkeypatch, falsify=None):
+    def __init__(self, monkeypatch, falsify=None, coarse=None):
+        self.tolerances = {**TOLERANCES, **(coarse or {})}
         self.worst, self.seen, self.solves = {}, set(), 0
         self.falsify = falsify or {}
         self.caught = {name: set() for name in self.falsify}
@@ -254,7 +263,9 @@ class Judge:
             found = violations(problem, number, pair.particles, before)
             for law, value in found.items():
                 self.worst[law] = max(value, self.worst.get(law, 0.0))
-            guilty = {law: value for law, value in found.items() if not value <= TOLERANCES[law]}
+            guilty = {
+                law: value for law, value in found.items() if not value <= self.tolerances[law]
+            }
             assert not guilty, f"solve {self.solves}: {guilty}"
             for name, (column, rows, _) in self.falsify.items():
                 wrong = pair.particles
@@ -279,7 +290,7 @@ def run(name, monkeypatch):
 @pytest.mark.parametrize("name", NAMES)
 def test_laws(name, monkeypatch):
     """The demo runs, and all laws hold after each of its solves."""
-    judge = Judge(monkeypatch)
+    judge = Judge(monkeypatch, coarse=COARSE.get(name))
     run(name, monkeypatch)
     assert judge.seen >= DEMOS[name][1]
 
