@@ -49,6 +49,9 @@ demo: install
 	$(PY) demos/ironing.py
 	$(PY) demos/drag_and_turn.py
 	$(PY) demos/rubber.py
+	$(PY) demos/sheet.py
+	$(PY) demos/indentation.py
+	$(PY) demos/elastoplastic_sphere.py
 
 test: install ctest pytest-1 pytest-2 pytest-3
 

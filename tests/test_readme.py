@@ -27,3 +27,14 @@ def test_first_script(tmp_path, monkeypatch):
     assert np.isclose(area, 2.0, rtol=1e-14)
     MPI.COMM_WORLD.Barrier()
     assert (folder / "pressure.png").stat().st_size > 1000
+
+
+def test_tools_page():
+    """The code of docs/tools.md runs, one block after the other."""
+    text = (Path(__file__).parent.parent / "docs" / "tools.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict = {}
+    for block in blocks:
+        exec(compile(block, "tools.md", "exec"), names)
+    assert len(blocks) == 3 and names["holder"].driven
+    assert np.allclose(names["punch"].translation, (0, 0, -10))
