@@ -34,7 +34,8 @@ class Newton:
         With friction, a step that begins without any pressure is solved from its frictionless
         solution (formulation, section 7): friction then knows the pressures. A body that friction
         alone holds is glued for that. Where Newton fails, it tries again with another bound of
-        ρ_τ, which is kept for the next steps.
+        ρ_τ, which is kept for the next steps, and without closing what is near: a slender body is
+        thrown off by that.
 
         Returns:
             what happened, over all attempts; the system's Functions hold the last iterate
@@ -43,19 +44,25 @@ class Newton:
             UnheldError: on all ranks, if nothing holds a body
         """
         before, report = system.values(), Report()
-        self._solve(system, options, before, report)
-        if not report.converged and system.other_bound():
+        self._solve(system, options, before, report, True)
+        if not report.converged:
+            system.other_bound()
             system.fill(before)
-            self._solve(system, options, before, report)
+            self._solve(system, options, before, report, not system.has_pressure())
         return report
 
     def _solve(
-        self, system: System, options: dict[str, Any], before: list[Any], report: Report
+        self,
+        system: System,
+        options: dict[str, Any],
+        before: list[Any],
+        report: Report,
+        close: bool,
     ) -> None:
-        """One attempt."""
+        """One attempt, with or without the pairs' initial contact."""
 
         def run() -> bool:
-            return NewtonLoop(system, options, self.rtol, self.max_it).run(report)
+            return NewtonLoop(system, options, self.rtol, self.max_it, close).run(report)
 
         def from_predictor() -> None:
             system.fill(before)

@@ -392,7 +392,7 @@ class System:
     def without_pressure(self) -> bool:
         """Whether some pair with friction touches without any pressure yet, in the step that has
         been started. Collective."""
-        pressures = [c.largest_pressure() for c in self.contacts if c.touches]
+        pressures = [self._pressure(c) for c in self.contacts if c.touches]
         return bool(pressures) and not any(p > 0 for p in pressures)
 
     def mark(self) -> None:
@@ -444,16 +444,19 @@ class System:
         self.driven.stiffness = float(sizes[0])
         self._stiffness = [contact.stiffness(diagonal) for contact in self.contacts]
 
-    def other_bound(self) -> bool:
-        """From now on take the other bound of ρ_τ; whether some pair is at it. Collective."""
+    def has_pressure(self) -> bool:
+        """Whether some pair has a pressure. Collective."""
+        return any([self._pressure(contact) > 0 for contact in self.contacts])
+
+    def _pressure(self, contact: PairAssembly) -> float:
+        """Largest pressure of a pair; 0 where it is round-off, as open pairs have it. Collective."""
+        p, s = contact.largest_pressure(), self._stiffness[self.contacts.index(contact)]
+        return p if p > 1e-14 * s * contact.facet_size() else 0.0
+
+    def other_bound(self) -> None:
+        """From now on take the other bound of ρ_τ."""
         highest, lowest = _MOST_RHO_T
         self.most_rho_t = lowest if self.most_rho_t == highest else highest
-        bounded = [
-            p["rho_t"] * c.facet_size() > 0.99 * lowest
-            for p, c in zip(self.parameters, self.contacts)
-            if c.pair.frictional and c.pair.rho_t is None
-        ]
-        return any(bounded)
 
     def _choose_parameters(self, friction: bool) -> None:
         """Scales and augmentation parameters of a step.
@@ -470,8 +473,8 @@ class System:
                 contact.assembler.set_parameters(rho_n, stiffness)
                 self.parameters.append({"rho_n": rho_n})
                 continue
-            size, p = contact.facet_size(), contact.largest_pressure()
-            p = p or 1e-6 * stiffness * size
+            size = contact.facet_size()
+            p = self._pressure(contact) or 1e-6 * stiffness * size
             mu = max(pair.coefficient, 0.1)
             rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), self.most_rho_t / size)
             self.parameters.append({"rho_n": rho_n, "rho_t": rho_t, "pressure": p})
