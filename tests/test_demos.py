@@ -44,6 +44,7 @@ DEMOS = {
     "cattaneo": ("--facets 10", {"open", "stick", "slip"}),
     "wedge": ("", {"stick", "slip"}),
     "ironing": ("--slab 40 --way 1", {"open", "stick", "slip"}),
+    "elastoplastic_sphere": ("--small", {"open", "slip"}),
     "drag_and_turn": ("--cells 8", {"open", "stick", "slip"}),
 }
 # On several ranks without the one that has no options and takes half a minute on one: the others take
@@ -138,7 +139,8 @@ def violations(problem, number, particles, before):
     multiplier, rubs = -table["lambda"], table["rubs"]
     closed, slips = p.status != "open", (p.status == "slip") & pair.frictional
     h, rho = contact.facet_size(), problem.system.parameters[number]["rho_n"]
-    most = largest(multiplier) or 1.0
+    # where nothing touches, multipliers are round-off
+    most = (largest(multiplier) if largest(1.0 * closed) else 0.0) or 1.0
     pressure, multiplier = p.pressure / most, multiplier / most
     gap = np.where(np.isfinite(p.gap), p.gap, contact._radius) / h  # no target: beyond the radius
     rho *= h / most
