@@ -103,6 +103,7 @@ bench: install
 	$(PY) benchmarks/rules.py
 	$(PY) benchmarks/convergence.py
 	$(PY) benchmarks/infsup.py --small
+	$(PY) benchmarks/locking.py
 	$(PY) benchmarks/material.py
 
 # 60 runs, about five minutes; rewrites the table of docs/robustness.md
