@@ -9,7 +9,7 @@ row and c_i of its unknown, and belongs to a displacement of the stiffness ‖A_
     c_j = ‖A_uu‖ / (r_i ‖A_ij‖),   r_j = ‖A_uu‖ / (‖A_ji‖ c_i)        (Frobenius norms)
 
 A pressure has the scale E/h then, and a dilatation 1/h. A small or zero pressure–pressure block
-(compressibility 1/κ) plays no part. A form may be multiplied by any factor: r_j takes it out.
+(compressibility 1/κ) plays no part, nor does a coupling that is round-off beside both A_ii and A_jj. A form may be multiplied by any factor: r_j takes it out.
 """
 
 from __future__ import annotations
@@ -73,7 +73,10 @@ def block_scales(
         for j in range(count):
             if j in known or stiffness[i] == 0:
                 continue
-            column, row = rows[i] * size(i, j), unknowns[i] * size(j, i)
+            there, back = size(i, j), size(j, i)
+            if there * back < 1e-16 * size(i, i) * size(j, j):  # round-off in place of 0
+                there = back = 0.0
+            column, row = rows[i] * there, unknowns[i] * back
             if column == row == 0:
                 continue
             unknowns[j] = stiffness[i] / (column or row)

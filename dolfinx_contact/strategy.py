@@ -49,6 +49,8 @@ class Newton:
             system.other_bound()
             system.fill(before)
             self._solve(system, options, before, report, not system.has_pressure())
+            if not report.converged:  # no trace of it
+                system.other_bound()
         return report
 
     def _solve(
