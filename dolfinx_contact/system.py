@@ -91,7 +91,8 @@ class System:
         self._stiffness = [1.0] * len(pairs)
         self.most_rho_t = _MOST_RHO_T[0]
         self.parameters: list[dict[str, float]] = []  # of each pair, in the present step
-        self.reference_force = 0.0
+        # largest force as the step began or now: iterates on the way may be far off
+        self.reference_force, self._first_force, self._force = 0.0, -1.0, 0.0
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
         self.changes = np.zeros(3, dtype=int)  # see PairAssembly.update
         self.A: Any = None
@@ -169,7 +170,11 @@ class System:
         before = [u.x.array.copy() for u in self.u]
         lift = any(self._violates_bcs(u) for u in self.u)
         lift = self.comm.allreduce(lift, op=MPI.LOR)
+        self._force = 0.0
         parts = [self._bulk_residual(row, lift) for row in range(len(self.u))]
+        if self._first_force < 0:
+            self._first_force = self._force
+        self.reference_force = max(self._first_force, self._force)
         for row, (u, part) in enumerate(zip(self.u, parts)):
             compat.set_bc(u, self.bcs)
             held = self.layout.held_mask(row)[: len(part)]
@@ -217,7 +222,7 @@ class System:
         norm = np.sqrt(self.comm.allreduce(float(forces @ forces)))
         # reactions included: what residuals are compared to
         if np.isfinite(norm) and row in self._displacements:
-            self.reference_force = max(self.reference_force, norm)
+            self._force = max(self._force, norm)
         if lift:
             columns = [j for j, a in enumerate(self._J[row]) if a is not None]
             forces += compat.lifting(
@@ -335,7 +340,7 @@ class System:
             friction: False: solve without it first, then ``go_on``
         """
         self.driven.check(self.pairs)
-        self.reference_force = 0.0
+        self.reference_force, self._first_force = 0.0, -1.0
         for contact in self.contacts:
             contact.begin_step()
         before = [u.x.array.copy() for u in self.u]
