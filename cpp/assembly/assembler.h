@@ -151,7 +151,7 @@ public:
   struct Node
   {
     bool has_target = false;
-    Vector<D> n = Vector<D>::Zero();    ///< normal at its target
+    Vector<D> n = Vector<D>::Zero(); ///< normal at its target
     /// Component i of the slave or of its target is free. (A tool does not count, though a force
     /// may drive it: two held nodes on one tool would be dependent.)
     std::array<bool, D> free_to_move{};
