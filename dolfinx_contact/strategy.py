@@ -46,11 +46,11 @@ class Newton:
         before, report = system.values(), Report()
         self._solve(system, options, before, report, True)
         if not report.converged:
-            system.other_bound()
+            system.parameters.other_bound()
             system.fill(before)
-            self._solve(system, options, before, report, not system.has_pressure())
+            self._solve(system, options, before, report, not system.parameters.has_pressure())
             if not report.converged:  # no trace of it
-                system.other_bound()
+                system.parameters.other_bound()
         return report
 
     def _solve(
@@ -74,7 +74,7 @@ class Newton:
                 run()
 
         system.start()
-        if system.without_pressure():
+        if system.parameters.without_pressure():
             return from_predictor()
         try:
             run()
@@ -134,7 +134,7 @@ class FixedPoint:
 
         before = system.values()
         system.start()
-        if system.without_pressure():
+        if system.parameters.without_pressure():
             system.fill(before)
             from_predictor()
             return report

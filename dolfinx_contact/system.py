@@ -25,18 +25,10 @@ from .driven import DrivenTools, driven_tools
 from .errors import InputError, together
 from .layout import Layout
 from .pair import ContactPair
+from .parameters import Parameters
 from .quadrature import QuadratureLaw
 from .scaling import block_scales
 from .surface import Surface
-
-# ρ_n in units of the stiffness per area of the slave surface. Well below 1, so that the statuses of
-# particles with a small gap inside a facet follow the pressure (formulation, section 7).
-_RHO_N = 1e-2
-# ρ_τ μ p in the same units: here slip and change of Λ count about equally, and Newton settles best.
-_RHO_T = 1.0
-# ρ_τ times the facet's size is at most the first: pressures may be tiny as a step starts. Where Newton
-# fails, the second: slender bodies slip by a good part of a facet while friction builds up.
-_MOST_RHO_T = 1500.0, 50.0
 
 
 class System:
@@ -88,9 +80,7 @@ class System:
         self.scale = [1.0] * len(self.functions)  # units of the unknowns
         self._row_scale = [1.0] * len(self.u)
         self._displacements = list(range(len(self.u)))  # blocks with rows that are forces
-        self._stiffness = [1.0] * len(pairs)
-        self.most_rho_t = _MOST_RHO_T[0]
-        self.parameters: list[dict[str, float]] = []  # of each pair, in the present step
+        self.parameters = Parameters(self.contacts)
         # largest force as the step began or now: iterates on the way may be far off
         self.reference_force, self._first_force, self._force = 0.0, -1.0, 0.0
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
@@ -357,7 +347,7 @@ class System:
         self._update_materials(again=True)  # their parameters may be new, the time step for one
         if self.A is None:
             self.create_matrix()
-        self._choose_parameters(friction)
+        self.parameters.choose(self.scale, friction)
         self.read()
 
     def freeze(self, *what: str) -> None:
@@ -369,7 +359,7 @@ class System:
         """All that touches sticks, at any pressure, until ``unglue`` is called. Collective."""
         self.residual(self.x, self.b, close=True)
         self.freeze("threshold", "status")
-        for contact, parameters in zip(self.contacts, self.parameters):
+        for contact, parameters in zip(self.contacts, self.parameters.chosen):
             if contact.pair.frictional:
                 contact.assembler.glue(parameters["pressure"])
 
@@ -386,19 +376,13 @@ class System:
 
     def go_on(self) -> None:
         """Go on with friction in the present step, with parameters for the present pressures."""
-        self._choose_parameters(True)
+        self.parameters.choose(self.scale)
         self.read()
 
     @property
     def frictional(self) -> bool:
         """Whether some pair has friction."""
         return any(pair.frictional for pair in self.pairs)
-
-    def without_pressure(self) -> bool:
-        """Whether some pair with friction touches without any pressure yet, in the step that has
-        been started. Collective."""
-        pressures = [self._pressure(c) for c in self.contacts if c.touches]
-        return bool(pressures) and not any(p > 0 for p in pressures)
 
     def mark(self) -> None:
         """Keep the particles' present states for ``recall``."""
@@ -447,52 +431,7 @@ class System:
         self.comm.Allreduce(MPI.IN_PLACE, sizes, op=MPI.MAX)
         self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
         self.driven.stiffness = float(sizes[0])
-        self._stiffness = [contact.stiffness(diagonal) for contact in self.contacts]
-
-    def has_pressure(self) -> bool:
-        """Whether some pair has a pressure. Collective."""
-        return any([self._pressure(contact) > 0 for contact in self.contacts])
-
-    def _pressure(self, contact: PairAssembly) -> float:
-        """Largest pressure of a pair; 0 where it is round-off, as open pairs have it. Collective."""
-        p, s = contact.largest_pressure(), self._stiffness[self.contacts.index(contact)]
-        return p if p > 1e-14 * s * contact.facet_size() else 0.0
-
-    def other_bound(self) -> None:
-        """From now on take the other bound of ρ_τ."""
-        highest, lowest = _MOST_RHO_T
-        self.most_rho_t = lowest if self.most_rho_t == highest else highest
-
-    def _choose_parameters(self, friction: bool) -> None:
-        """Scales and augmentation parameters of a step.
-
-        λ is scaled by the stiffness of the slave surface per area [pressure/length], and ρ_n is a
-        fraction of it. ρ_τ is chosen so that ρ_τ μ p is about equal to it, with p the largest
-        pressure at the start of the step; κ = μ p/ρ_τ (formulation, section 1).
-        """
-        self.parameters = []
-        for pair, contact, stiffness in zip(self.pairs, self.contacts, self._stiffness):
-            rho_n = pair.rho_n or _RHO_N * stiffness
-            self.scale[contact.multiplier_block] = stiffness
-            if not pair.frictional:
-                contact.assembler.set_parameters(rho_n, stiffness)
-                self.parameters.append({"rho_n": rho_n})
-                continue
-            size = contact.facet_size()
-            p = self._pressure(contact) or 1e-6 * stiffness * size
-            mu = max(pair.coefficient, 0.1)
-            rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), self.most_rho_t / size)
-            self.parameters.append({"rho_n": rho_n, "rho_t": rho_t, "pressure": p})
-            self.scale[contact.friction_block] = rho_t
-            contact.assembler.set_parameters(
-                rho_n,
-                stiffness,
-                pair.coefficient if friction else 0.0,
-                rho_t,
-                rho_t,
-                mu * p / rho_t,
-                1e-12 * p,
-            )
+        self.parameters.measure(diagonal)
 
 
 def _add_diagonal(A: Any, rows: npt.NDArray[Any], value: float) -> None:

@@ -149,7 +149,7 @@ def violations(problem, number, particles, before):
     p, table = particles, pair._solved()
     multiplier, rubs = -table["lambda"], table["rubs"]
     closed, slips = p.status != "open", (p.status == "slip") & pair.frictional
-    h, rho = contact.facet_size(), problem.system.parameters[number]["rho_n"]
+    h, rho = contact.facet_size(), problem.system.parameters.chosen[number]["rho_n"]
     # where nothing touches, multipliers are round-off
     most = (largest(multiplier) if largest(1.0 * closed) else 0.0) or 1.0
     pressure, multiplier = p.pressure / most, multiplier / most

@@ -251,7 +251,7 @@ def test_augmentation_parameters_do_not_matter(name, factor):
             model.move(TOP, displacement)
             problem.solve()
         assert COMM.allreduce(int(np.sum(pair.particles.status == "open"))) > 0
-        return pair.resultant(), problem.system.parameters[0]
+        return pair.resultant(), problem.system.parameters.chosen[0]
 
     changes = []
     for rule in (dc.Nodes(), dc.Simpson(1)):

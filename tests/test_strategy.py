@@ -297,7 +297,7 @@ def press(name, **options):
         model.move(TOP, displacement)
         problem.solve()
     highest = COMM.allreduce(pair.pressure.x.array.max(initial=0.0), op=MPI.MAX)
-    return pair.resultant(), highest, problem.system.parameters[0]
+    return pair.resultant(), highest, problem.system.parameters.chosen[0]
 
 
 @pytest.mark.parametrize("name", PAPER)
