@@ -51,8 +51,10 @@ DEMOS = {
     "rubber": ("--cells 8", {"open", "stick", "slip"}),
 }
 # On several ranks without one that has no options and takes half a minute on one, and two of many small
-# steps: the others take 45 to 90 s there.
-SLOW = "sphere_on_block", "rubber", "elastoplastic_sphere"
+# steps; on more than two without two others of that kind: the rest take 45 to 90 s there.
+SLOW = ["sphere_on_block", "rubber", "elastoplastic_sphere"]
+if COMM.size > 2:
+    SLOW += ["sheet", "indentation"]
 NAMES = [name for name in DEMOS if COMM.size == 1 or name not in SLOW]
 
 ROUND_OFF = 1e-12
