@@ -47,7 +47,6 @@ class DrivenTools:
         self.dofs = layout.system_dofs(block, np.arange(count)).astype(PETSc.IntType)
         self.dofs = self.dofs.reshape(len(tools), 2, dim)
         self.stiffness = 1.0
-        self._prescribed = [tool.translation.copy() for tool in tools]
         self.approached = False  # in the present step: it says little about the next one
         self._prescribed = [tool.translation.copy() for tool in self.tools]
         self._reactions = np.zeros((len(tools), dim))
@@ -235,9 +234,4 @@ _ADD = PETSc.InsertMode.ADD_VALUES
 
 def _frame(tool: RigidTool) -> npt.NDArray[np.float64]:
     """Orthonormal directions, rows: the free ones first."""
-    E = tool.directions
-    return (
-        np.linalg.qr(np.vstack([E, np.eye(tool.dim)]).T)[0].T[: tool.dim]
-        if len(E)
-        else np.eye(tool.dim)
-    )
+    return np.linalg.qr(np.vstack([tool.directions, np.eye(tool.dim)]).T)[0].T

@@ -87,9 +87,8 @@ class LoadStepping:
         self._next, self._min, self._max = float(step), float(min_step), float(max_step)
         self._progress, self._shortest = progress, float("inf")
         self.time, self.steps = 0.0, list[Step]()
-        self._before: tuple[
-            list[Any], float
-        ] | None = None  # state one accepted step ago, its length
+        # state one accepted step ago, and the length of that step
+        self._before: tuple[list[Any], float] | None = None
 
     def __iter__(self) -> Iterator[Step]:
         hidden = not self._progress or self.problem.comm.rank > 0

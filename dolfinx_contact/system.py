@@ -416,9 +416,8 @@ class System:
         self.A.setSizes(((n, None), (n, None)))
         self.A.setType("aij")
         self._allocate(self.A)
-        diagonal = (
-            self.A.getDiagonal().array.copy()
-        )  # of the bulk: _allocate has added nothing else
+        # of the bulk: _allocate has added nothing else
+        diagonal = self.A.getDiagonal().array.copy()
         present = [[a is not None for a in row] for row in self._J]
         scales, self._row_scale, self._displacements = block_scales(
             self.A, self.layout, present, self.bodies.blocks
