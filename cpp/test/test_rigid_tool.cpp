@@ -310,7 +310,11 @@ TEST_CASE("RigidTool: a die of a ring, its corner and its wall")
       Eigen::Vector2d p, n; // (r, z) on the profile, and outward
       int expected;
       if (s < 0.5)
-        p << 1.5 - s, 0, n << 0, 1, expected = 0;
+      {
+        p << 1.5 - s, 0;
+        n << 0, 1;
+        expected = 0;
+      }
       else if (s < 0.5 + corner)
       {
         const double a = (s - 0.5) / radius;
@@ -319,7 +323,11 @@ TEST_CASE("RigidTool: a die of a ring, its corner and its wall")
         expected = 1;
       }
       else
-        p << ring - radius, -radius - (s - 0.5 - corner), n << -1, 0, expected = 2;
+      {
+        p << ring - radius, -radius - (s - 0.5 - corner);
+        n << -1, 0;
+        expected = 2;
+      }
       const Eigen::Vector2d q = p + offset * n;
       const double angle = 3 * s;
       const Vector<3> e(cos(angle), sin(angle), 0);
