@@ -2,6 +2,7 @@
 //
 // What an Assembler writes into PETSc's vectors and matrices.
 #include "assembler.h"
+#include "events.h"
 #include "petsc_check.h"
 
 #include <algorithm>
@@ -96,6 +97,7 @@ void Assembler<D>::for_each_pair(int facet, Visit visit) const
 template <int D>
 void Assembler<D>::residual(::Vec b) const
 {
+  const Logged logged(Event::residual);
   check(VecSetOption(b, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE), "VecSetOption");
   Sample buffer;
   std::vector<PetscInt> dofs;
@@ -173,6 +175,7 @@ struct Assembler<D>::FieldSums
 template <int D>
 void Assembler<D>::tangent(Mat A) const
 {
+  const Logged logged(Event::tangent);
   if (_friction.nodes() > 0)
     tangent<true>(A);
   else
@@ -195,6 +198,7 @@ void Assembler<D>::tangent(Mat A) const
   FieldSums of_master, of_slave;
   auto insert = [&](const std::vector<PetscInt>& columns, const double* values)
   {
+    const Logged logged(Event::insertion);
     check(MatSetValues(A, dofs.size(), dofs.data(), columns.size(), columns.data(), values,
                        ADD_VALUES),
           "MatSetValues (contact tangent)");
@@ -297,6 +301,7 @@ void Assembler<D>::node_dofs(const std::vector<std::int32_t>& nodes,
 template <int D>
 void Assembler<D>::insert_pattern(Mat A, bool remember)
 {
+  const Logged logged(Event::pattern);
   if (remember)
     _pattern.assign(_own, {});
   std::vector<PetscInt> dofs, ring;

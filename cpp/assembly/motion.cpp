@@ -6,6 +6,7 @@
 // where δ(log w) and δξ^β depend on the corners of the slave facet and of the master facets that
 // its cells are cut by.
 #include "assembler.h"
+#include "events.h"
 #include "petsc_check.h"
 
 namespace dolfinx_contact
@@ -146,6 +147,7 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
         if (block.middleCols(first, n).isZero(0))
           return;
         const decltype(block) part = block.middleCols(first, n);
+        const Logged logged(Event::insertion);
         check(
             MatSetValues(A, dofs.size(), dofs.data(), n, &columns[first], part.data(), ADD_VALUES),
             "MatSetValues (motion of particles)");
