@@ -11,7 +11,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from . import _cpp, compat
+from . import _cpp, compat, events
 from .errors import ContactError, together
 from .friction import FrictionUnknowns
 from .held import agreed, excluded, local_dofs
@@ -379,6 +379,11 @@ class PairAssembly:
         farthest = self._comm.allreduce(self._changed_since, op=MPI.MAX)
         if farthest * np.sqrt(self.pair.slave.dim) <= 0.5 * self._margin:
             return
+        with events.EXCHANGE:
+            self._fetch(slave, ringed)
+
+    def _fetch(self, slave: npt.NDArray[Any], ringed: npt.NDArray[Any]) -> None:
+        """Ask all ranks for the facets near these surfaces. Collective."""
         with together(self._comm, "contact exchange"):
             self._ringed_slave.displace(slave)
             self._ringed.displace(ringed)
