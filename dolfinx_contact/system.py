@@ -241,6 +241,7 @@ class System:
         self._update_materials()
         A.zeroEntries()
         self._add_bulk(A, self.bcs)
+        A.assemble()  # contact adds to its arrays
         self._scale_bulk(A)
         with together(self.comm, "contact tangent"):
             for contact in self.contacts:
@@ -260,10 +261,9 @@ class System:
             _add_diagonal(A, self.layout.held_rows(), 1.0)
 
     def _scale_bulk(self, A: Any) -> None:
-        """Multiply the bulk's blocks by the scales of their rows and unknowns. Collective."""
+        """Multiply the assembled bulk's blocks by the scales of rows and unknowns. Collective."""
         if len(self._displacements) == len(self.u):
             return
-        A.assemble()
         left, right = A.createVecs()
         for vector, scale in ((left, self._row_scale), (right, self.scale)):
             vector.set(1.0)

@@ -53,7 +53,10 @@ void Assembler<D>::set_friction(FrictionSpace<D> friction)
                      [&](std::int32_t a) { return a < 0 or (a + 1) * Q > friction.dofs.size(); }))
     throw std::invalid_argument("Assembler: tables of the friction space do not match");
   if (friction.dofs != _friction.dofs) // other rows than before: the matrix has no place for them
+  {
     _pattern.clear();
+    _adder.forget();
+  }
   _friction = std::move(friction);
   for (std::size_t p = 0; p < _samples.size(); ++p)
     tabulate(&_particles.rule.points[p * Q], _samples[p]);
@@ -117,6 +120,7 @@ void Assembler<D>::set_master(Surface master, std::vector<PetscInt> dofs, std::v
     carry_over(cloud->states, master);
   _master = std::move(master);
   _master_dofs = std::move(dofs);
+  _adder.forget();
   _search = Search<D>(_master, _options.search);
   if (interpolated())
     _normals = NodalNormals<D>(_master, _options.crease);
@@ -130,6 +134,7 @@ void Assembler<D>::set_tool(std::shared_ptr<const RigidTool<D>> tool, std::vecto
     throw std::invalid_argument("Assembler: one dof for each component of a piece is needed");
   _tool = std::move(tool);
   const bool driven = std::any_of(dofs.begin(), dofs.end(), [](PetscInt d) { return d >= 0; });
+  _adder.forget();
   _tool_dofs = driven ? std::move(dofs) : std::vector<PetscInt>();
 }
 
@@ -400,7 +405,10 @@ void Assembler<D>::set_multiplier_dofs(std::vector<PetscInt> dofs)
   if (dofs.size() != _multiplier_dofs.size())
     throw std::invalid_argument("Assembler: one dof for each local multiplier is needed");
   if (dofs != _multiplier_dofs)
+  {
     _pattern.clear();
+    _adder.forget();
+  }
   _multiplier_dofs = std::move(dofs);
 }
 

@@ -4,6 +4,7 @@
 #include "../integration/segments.h"
 #include "../mechanics/coupling.h"
 #include "../targets/rigid_tool.h"
+#include "block_adder.h"
 
 #include <array>
 #include <optional>
@@ -145,7 +146,8 @@ public:
   /// Add (F1)–(F3) to a vector of the system (VecSetValues; the caller assembles it).
   void residual(::Vec b) const;
 
-  /// Add (F9) and (F13) to a matrix of the system (MatSetValues; the caller assembles it).
+  /// Add (F9) and (F13) to a matrix of the system (BlockAdder; the caller assembles it, if it can
+  /// also before).
   void tangent(Mat A) const;
 
   /// Insert zeros wherever particles may couple: their targets and the neighbours of these.
@@ -336,10 +338,20 @@ private:
   const NodalNormals<D>* normals() const { return interpolated() ? &_normals : nullptr; }
 
   struct FieldSums;
+  /// Kinds of blocks of a pair (BlockAdder::Name), by their columns; the last with a master facet's
+  /// number added.
+  enum
+  {
+    all_unknowns,
+    master_ring,
+    slave_ring,
+    slave_corners,
+    master_corners
+  };
   template <bool F>
-  void tangent(Mat A) const;
+  void add_tangent() const;
   template <bool F>
-  void motion_tangent(Mat A, int facet, std::span<const int> particles,
+  void motion_tangent(int facet, int target, std::span<const int> particles,
                       const std::vector<PetscInt>& dofs, const CellPoints<D>& cells) const;
   Rates<D> rates(const State& s, const Sample& along, int beta) const;
   void node_dofs(const std::vector<std::int32_t>& nodes, const std::vector<PetscInt>& table,
@@ -363,6 +375,7 @@ private:
   NodalNormals<D> _normals, _slave_normals; // of the master if interpolated, of the slave
   NodalNormals<D> _first_normals;           // of the slave as the step began
   Cloud _now, _accepted, _marked;
+  mutable BlockAdder _adder;            // keeps the places of the blocks
   std::vector<double> _lambda, _Lambda; // multipliers of the last update, if the particles move
   double _dissipated = 0;
   std::vector<std::int32_t> _near_offset,

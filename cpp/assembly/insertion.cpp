@@ -173,15 +173,25 @@ struct Assembler<D>::FieldSums
 template <int D>
 void Assembler<D>::tangent(Mat A) const
 {
-  if (_friction.nodes() > 0)
-    tangent<true>(A);
-  else
-    tangent<false>(A);
+  _adder.open(A);
+  try
+  {
+    if (_friction.nodes() > 0)
+      add_tangent<true>();
+    else
+      add_tangent<false>();
+  }
+  catch (...)
+  {
+    _adder.close();
+    throw;
+  }
+  _adder.close();
 }
 
 template <int D>
 template <bool F>
-void Assembler<D>::tangent(Mat A) const
+void Assembler<D>::add_tangent() const
 {
   const int Q = D - 1;
   const bool moves = not _tool and not _frozen.geometry;
@@ -193,12 +203,6 @@ void Assembler<D>::tangent(Mat A) const
   Sample buffer;
   const bool same = _tool or _master.ref.isoparametric();
   FieldSums of_master, of_slave;
-  auto insert = [&](const std::vector<PetscInt>& columns, const double* values)
-  {
-    check(MatSetValues(A, dofs.size(), dofs.data(), columns.size(), columns.data(), values,
-                       ADD_VALUES),
-          "MatSetValues (contact tangent)");
-  };
   CellPoints<D> cells;
   for (int f = 0; f < _own; ++f)
   {
@@ -267,19 +271,19 @@ void Assembler<D>::tangent(Mat A) const
               }
             }
           }
-          insert(dofs, block.data());
+          _adder.add({f, target, all_unknowns}, dofs, dofs, block.data());
           if (field and target >= 0)
           {
             node_dofs(of_master.finish(_master, _normals, target), _master_dofs, ring);
-            insert(ring, of_master.values.data());
+            _adder.add({f, target, master_ring}, dofs, ring, of_master.values.data());
           }
           if (turns and target >= 0)
           {
             node_dofs(of_slave.finish(_slave, _slave_normals, f), _slave_dofs, ring);
-            insert(ring, of_slave.values.data());
+            _adder.add({f, target, slave_ring}, dofs, ring, of_slave.values.data());
           }
           if (_particles.refined and moves)
-            motion_tangent<F>(A, f, particles, dofs, cells);
+            motion_tangent<F>(f, target, particles, dofs, cells);
         });
   }
 }
@@ -297,6 +301,7 @@ void Assembler<D>::node_dofs(const std::vector<std::int32_t>& nodes,
 template <int D>
 void Assembler<D>::insert_pattern(Mat A, bool remember)
 {
+  _adder.forget();
   if (remember)
     _pattern.assign(_own, {});
   std::vector<PetscInt> dofs, ring;

@@ -6,7 +6,6 @@
 // where δ(log w) and δξ^β depend on the corners of the slave facet and of the master facets that
 // its cells are cut by.
 #include "assembler.h"
-#include "petsc_check.h"
 
 namespace dolfinx_contact
 {
@@ -60,7 +59,7 @@ Rates<D> Assembler<D>::rates(const State& s, const Sample& along, int beta) cons
 
 template <int D>
 template <bool F>
-void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
+void Assembler<D>::motion_tangent(int f, int target, std::span<const int> particles,
                                   const std::vector<PetscInt>& dofs,
                                   const CellPoints<D>& cells) const
 {
@@ -146,25 +145,25 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
         if (block.middleCols(first, n).isZero(0))
           return;
         const decltype(block) part = block.middleCols(first, n);
-        check(
-            MatSetValues(A, dofs.size(), dofs.data(), n, &columns[first], part.data(), ADD_VALUES),
-            "MatSetValues (motion of particles)");
+        const int kind = first == 0 ? slave_corners
+                                    : master_corners + cells.facets[(first - D * _slave.nv()) / n];
+        _adder.add({f, target, kind}, dofs, std::span(columns).subspan(first, n), part.data());
       });
 }
 
 // the members of this file; assembler.cpp instantiates the others
 template Rates<2> Assembler<2>::rates(const State&, const Sample&, int) const;
 template Rates<3> Assembler<3>::rates(const State&, const Sample&, int) const;
-template void Assembler<2>::motion_tangent<false>(Mat, int, std::span<const int>,
+template void Assembler<2>::motion_tangent<false>(int, int, std::span<const int>,
                                                   const std::vector<PetscInt>&,
                                                   const CellPoints<2>&) const;
-template void Assembler<2>::motion_tangent<true>(Mat, int, std::span<const int>,
+template void Assembler<2>::motion_tangent<true>(int, int, std::span<const int>,
                                                  const std::vector<PetscInt>&,
                                                  const CellPoints<2>&) const;
-template void Assembler<3>::motion_tangent<false>(Mat, int, std::span<const int>,
+template void Assembler<3>::motion_tangent<false>(int, int, std::span<const int>,
                                                   const std::vector<PetscInt>&,
                                                   const CellPoints<3>&) const;
-template void Assembler<3>::motion_tangent<true>(Mat, int, std::span<const int>,
+template void Assembler<3>::motion_tangent<true>(int, int, std::span<const int>,
                                                  const std::vector<PetscInt>&,
                                                  const CellPoints<3>&) const;
 
