@@ -111,14 +111,14 @@ class PairAssembly:
         slave_dofs = layout.node_dofs(slave, ringed.node_table, held)
         self._own, self._ringed_slave = own, ringed
 
-        self._exchange: Exchange | None = None
+        self._facets: Exchange | None = None
         if not pair.tools:
             master_own = _cpp_surface(pair.master)
             self._ringed = _cpp.with_ring(self._comm.py2f(), master_own)
             self._ringed_values = NodeValues(pair.master.u, self._ringed.node_table)
             self._held_master = layout.held_vector(master)
             self._radius = self._search_radius(own, master_own)
-            self._exchange = Exchange(
+            self._facets = Exchange(
                 self._comm,
                 ringed,
                 len(own),
@@ -253,7 +253,7 @@ class PairAssembly:
         slave, master = self._old
         if self.pair.tools:
             self.assembler.remember(self._slave_values(slave), np.zeros(0))
-        elif self._exchange.fetched:
+        elif self._facets.fetched:
             self.assembler.remember(self._slave_values(slave), self._master_values(master))
 
     def begin_step(self) -> None:
@@ -292,7 +292,7 @@ class PairAssembly:
             with together(self._comm, "contact set-up"):
                 found, normal, free, decided = self.assembler.nodes()
             decided = decided.max(axis=1, initial=0.0)
-            lacking = self._exchange is not None and self._exchange.lacking(decided).any()
+            lacking = self._facets is not None and self._facets.lacking(decided).any()
             if not self._comm.allreduce(bool(lacking), op=MPI.LOR):
                 break
             self._widen(decided)
@@ -364,9 +364,8 @@ class PairAssembly:
             old = self._old_motions
             for piece, now in enumerate(old if at_rest else self._motions()):
                 self._tool.move(piece, now, old[piece])
-        elif self._exchange.moved_far(slave, ringed):
-            decided = self.assembler.decided() if self._exchange.fetched else np.zeros(0)
-            self._hold(self._exchange.fetch(slave, ringed, decided))
+        else:
+            self._exchange(slave, ringed)
         changes = self._search(again=False)
         while changes[3] > 0:
             self._widen(self.assembler.decided())
@@ -395,14 +394,21 @@ class PairAssembly:
                 np.zeros(0) if friction is None or not self._has_tangents else friction.x.array,
                 again,
             )
-            if self._exchange is not None:
-                found[3] = self._exchange.lacking(self.assembler.decided()).any()
+            if self._facets is not None:
+                found[3] = self._facets.lacking(self.assembler.decided()).any()
         self._comm.Allreduce(MPI.IN_PLACE, found)
         return found
 
     @property
     def _has_tangents(self) -> bool:
         return self._friction is not None and self._friction.tangents is not None
+
+    def _exchange(self, slave: npt.NDArray[Any], ringed: npt.NDArray[Any]) -> None:
+        """Fetch the master's facets near this rank's slave facets, if anything has moved far.
+        Collective."""
+        if self._facets.moved_far(slave, ringed):
+            decided = self.assembler.decided() if self._facets.fetched else np.zeros(0)
+            self._hold(self._facets.fetch(slave, ringed, decided))
 
     def _widen(self, decided: npt.NDArray[np.float64]) -> None:
         """Fetch more facets where a search is not settled. Collective.
@@ -411,7 +417,7 @@ class PairAssembly:
             decided: how far away the search of each own slave facet was decided, (facets,)
         """
         slave, ringed = self._place[:2]
-        self._hold(self._exchange.widen(slave, ringed, decided))
+        self._hold(self._facets.widen(slave, ringed, decided))
 
     def _hold(self, master: Any) -> None:
         """Give the assembler other master facets. Collective."""
@@ -420,7 +426,7 @@ class PairAssembly:
         held = self._master_values(self._held_master)
         dofs = self._layout.node_dofs(self._master_block, master.node_table, held)
         with together(self._comm, "contact exchange"):
-            self.assembler.set_master(master, dofs, self._exchange.told())
+            self.assembler.set_master(master, dofs, self._facets.told())
         self._tell_old()
 
     # -- scale ----------------------------------------------------------------------------------

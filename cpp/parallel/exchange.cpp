@@ -9,7 +9,6 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -230,15 +229,16 @@ struct Requests
   int begin(int rank) const { return received.offset[rank] / width; }
 };
 
-/// Send slave boxes to the ranks whose own master facets may be within reach. Collective.
+/// Send slave boxes to the ranks whose master facets, or their ring, may be within reach.
+/// Collective.
 template <int D>
-Requests<D> request(MPI_Comm comm, std::span<const double> master_boxes, int num_own,
+Requests<D> request(MPI_Comm comm, std::span<const double> master_boxes,
                     std::span<const double> slave_boxes, std::span<const double> reach)
 {
   const int size = comm_size(comm);
   Box<D> mine;
-  for (int f = 0; f < num_own; ++f)
-    mine.add(BoxTree<D>::item_box(master_boxes, f));
+  for (std::size_t f = 0; f < master_boxes.size() / (2 * D); ++f)
+    mine.add(BoxTree<D>::item_box(master_boxes, static_cast<int>(f)));
   std::array<double, 2 * D> corners;
   Eigen::Map<Eigen::Array<double, 2 * D, 1>>(corners.data()) << mine.lo, mine.hi;
   std::vector<double> masters(corners.size() * size);
@@ -266,18 +266,18 @@ Requests<D> request(MPI_Comm comm, std::span<const double> master_boxes, int num
   return out;
 }
 
-/// Send each rank the own facets within reach of its slave boxes, with their rings.
+/// Send each rank the own facets that are within reach of its slave boxes, or in the ring of one
+/// that is: so each facet comes from its owner only, and once.
 template <int D>
 Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
                        std::span<const double> slave_boxes, std::span<const double> reach)
 {
   const int size = comm_size(comm);
   const std::vector<double> boxes = ringed.boxes();
-  const Requests<D> requests = request<D>(comm, boxes, num_own, slave_boxes, reach);
+  const Requests<D> requests = request<D>(comm, boxes, slave_boxes, reach);
 
   const Incidence incidence(ringed);
-  std::vector<int> facet_sent_to(ringed.size(), -1), vertex_sent_to(incidence.vertex.size(), -1);
-  std::vector<int> selected;
+  std::vector<std::uint8_t> near(ringed.size()), at_near(incidence.vertex.size());
   std::vector<double> grown;
   Parcels parcels(size);
   for (int r = 0; r < size; ++r)
@@ -297,36 +297,27 @@ Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
         grown.push_back(box.hi[i] + margin);
     }
     const BoxTree<D> tree(grown);
-    selected.clear();
-    for (int f = 0; f < num_own; ++f)
+    std::fill(at_near.begin(), at_near.end(), 0);
+    const int* vertex = incidence.number.data();
+    for (int f = 0; f < ringed.size(); ++f, vertex += ringed.nv())
     {
       const Box<D> box = BoxTree<D>::item_box(boxes, f);
-      bool near = false;
+      near[f] = false;
       tree.descend([&](const Box<D>& b) { return b.overlaps(box) ? 0.0 : INFINITY; },
                    [&](int i)
                    {
-                     near = near or box.within(requests.box(begin + i), requests.reach(begin + i));
-                     return near ? -1.0 : 0.0; // −1: nothing improves on it, stop
+                     near[f] = near[f]
+                               or box.within(requests.box(begin + i), requests.reach(begin + i));
+                     return near[f] ? -1.0 : 0.0; // −1: nothing improves on it, stop
                    },
                    0.0);
-      if (near)
-        selected.push_back(f);
+      if (near[f])
+        std::for_each(vertex, vertex + ringed.nv(), [&](int v) { at_near[v] = true; });
     }
-    for (const int f : selected)
-    {
-      facet_sent_to[f] = r;
-      pack(ringed, f, true, r, parcels);
-    }
-    for (const int f : selected)
-      for (int v = 0; v < ringed.nv(); ++v)
-      {
-        const int i = incidence.number[static_cast<std::size_t>(f) * ringed.nv() + v];
-        if (std::exchange(vertex_sent_to[i], r) == r)
-          continue;
-        for (const int g : incidence.at(i))
-          if (std::exchange(facet_sent_to[g], r) != r)
-            pack(ringed, g, false, r, parcels);
-      }
+    vertex = incidence.number.data();
+    for (int f = 0; f < num_own; ++f, vertex += ringed.nv())
+      if (std::any_of(vertex, vertex + ringed.nv(), [&](int v) { return at_near[v]; }))
+        pack(ringed, f, near[f], r, parcels);
   }
   return parcels;
 }
@@ -338,7 +329,7 @@ std::vector<double> nearest(MPI_Comm comm, const Surface& ringed, int num_own,
 {
   const int size = comm_size(comm);
   const std::vector<double> boxes = ringed.boxes();
-  const Requests<D> requests = request<D>(comm, boxes, num_own, slave_boxes, reach);
+  const Requests<D> requests = request<D>(comm, boxes, slave_boxes, reach);
   const BoxTree<D> tree(std::span<const double>(boxes).first(std::size_t(num_own) * 2 * D));
   std::vector<std::vector<double>> answers(size);
   for (int r = 0; r < size; ++r)
@@ -424,21 +415,16 @@ Surface with_targets(MPI_Comm comm, const Surface& ringed, int num_own,
   const Mail<std::int64_t> ints = all_to_all(comm, parcels.ints);
   const Mail<double> reals = all_to_all(comm, parcels.reals);
 
-  // One record a facet, in the order of ids; of several the one that is a candidate
   Surface out;
   out.dim = ringed.dim;
   out.ref = ringed.ref;
   const std::size_t width = num_ints(out);
-  std::vector<std::tuple<std::int64_t, int, std::size_t>> order; // (id, not a candidate, record)
+  std::vector<std::pair<std::int64_t, std::size_t>> order; // (id, record)
   for (std::size_t k = 0; k < ints.data.size() / width; ++k)
-    order.emplace_back(ints.data[k * width], ints.data[k * width + 3] == 0, k);
+    order.emplace_back(ints.data[k * width], k);
   std::sort(order.begin(), order.end());
-  for (std::size_t i = 0; i < order.size(); ++i)
-  {
-    const auto [id, ring_only, k] = order[i];
-    if (i == 0 or std::get<0>(order[i - 1]) != id)
-      unpack(&ints.data[k * width], &reals.data[k * num_reals(out)], out);
-  }
+  for (const auto& [id, k] : order)
+    unpack(&ints.data[k * width], &reals.data[k * num_reals(out)], out);
   out.number_nodes();
   return out;
 }
