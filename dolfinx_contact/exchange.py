@@ -19,6 +19,7 @@ from . import _cpp
 from .errors import together
 
 _NEAR = 0.25  # first reach beyond the nearest facet, in diameters of the largest facet
+_MARGIN = 0.5  # the least, in diameters
 _FORMER = 0.02  # a former target is kept where it is farther than the best by less, in diameters
 _GROWTH = 4.0  # of a reach within which nothing was found
 
@@ -56,13 +57,13 @@ class Exchange:
         diameters = [slave.diameters()[:num_slaves], master.diameters()[:num_masters]]
         largest = comm.allreduce(max(float(d.max(initial=0)) for d in diameters), op=MPI.MAX)
         self._near, self._slack = _NEAR * largest, _FORMER * largest
-        self._least = np.full(num_slaves, self._near)
+        self._least = np.full(num_slaves, self._near)  # reach of each facet
         if refined:
             self._least = np.maximum(self._least, np.sqrt(self._dim) * diameters[0])
         # an end beside the surface is farther than the distance along the normal
         self._radius = radius + end_tolerance * largest
         # a tenth of a rank's part of the surface: the more there is, the less often it is fetched
-        self.margin = max(largest, 0.1 * radius / comm.size ** (1 / (self._dim - 1)))
+        self.margin = max(_MARGIN * largest, 0.1 * radius / comm.size ** (1 / (self._dim - 1)))
         self._reach: npt.NDArray[np.float64] | None = None  # of each own slave facet
         self._at: tuple[npt.NDArray[np.float64], ...] | None = None
 
@@ -104,7 +105,7 @@ class Exchange:
             self._master.displace(master)
         boxes = self._slave.boxes()[: self._num_slaves]
         if self._reach is None:
-            self._reach = self._first_reach(boxes)
+            self._reach = self._limited(self._least)
         else:  # particles without a target look everywhere
             self._reach = self._limited(np.maximum(decided + self._near, self._least))
         return self._bring(slave, master, boxes)
@@ -124,15 +125,16 @@ class Exchange:
             self._slave.displace(slave)
             self._master.displace(master)
         assert self._reach is not None
+        boxes = self._slave.boxes()[: self._num_slaves]
+        lacking = self.lacking(decided)
         # what was found is an upper bound of the distance of what is to be found
-        wanted = np.where(
-            np.isfinite(decided),
-            decided + self._near,
-            _GROWTH * np.maximum(self._reach, self._near),
-        )
-        larger = self._limited(np.maximum(wanted, self._reach))
-        self._reach = np.where(self.lacking(decided), larger, self._reach)
-        return self._bring(slave, master, self._slave.boxes()[: self._num_slaves])
+        wanted = np.where(np.isfinite(decided), decided + self._near, _GROWTH * self._reach)
+        seek = np.flatnonzero(lacking & np.isinf(decided))
+        beyond = self._nearest(boxes[seek]) + self._near
+        away = beyond > self._reach[seek]  # there is nothing within the reach
+        wanted[seek[away]] = beyond[away]
+        self._reach = self._limited(np.where(lacking, wanted, self._reach))
+        return self._bring(slave, master, boxes)
 
     def told(self) -> npt.NDArray[np.float64]:
         """Distance up to which a search is decided, infinite where it sees all within d_max."""
@@ -148,11 +150,12 @@ class Exchange:
         comm = self._comm.py2f()
         return _cpp.with_targets(comm, self._master, self._num_masters, boxes, reach)
 
-    def _first_reach(self, boxes: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """A little more than the distance of the nearest facet. Ranks are asked that are farther
-        and farther away, by those only that have found nothing. Collective."""
-        distance = np.full(len(boxes), np.inf)
-        bound = self._near
+    def _nearest(self, boxes: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Distance of the nearest master facet from each box, infinite beyond d_max. Collective.
+
+        Ranks are asked that are farther and farther away, by those only that have found nothing.
+        """
+        distance, bound = np.full(len(boxes), np.inf), self._near
         while True:
             seek = np.flatnonzero(np.isinf(distance))
             within = np.full(len(seek), min(bound, self._radius))
@@ -160,7 +163,8 @@ class Exchange:
             distance[seek] = _cpp.distances(
                 comm, self._master, self._num_masters, boxes[seek], within
             )
-            left = int(np.isinf(distance).any()) if bound < self._radius else 0
-            if self._comm.allreduce(left, op=MPI.MAX) == 0:
-                return self._limited(np.maximum(distance + self._near, self._least))
+            left = np.array([np.isinf(distance).any() and bound < self._radius], dtype=np.int64)
+            self._comm.Allreduce(MPI.IN_PLACE, left)
+            if left[0] == 0:
+                return distance
             bound *= _GROWTH
