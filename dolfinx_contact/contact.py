@@ -10,7 +10,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from . import _cpp, compat
+from . import _cpp, compat, events
 from .errors import ContactError, together
 from .exchange import Exchange
 from .friction import FrictionUnknowns
@@ -408,7 +408,8 @@ class PairAssembly:
         Collective."""
         if self._facets.moved_far(slave, ringed):
             decided = self.assembler.decided() if self._facets.fetched else np.zeros(0)
-            self._hold(self._facets.fetch(slave, ringed, decided))
+            with events.EXCHANGE:
+                self._hold(self._facets.fetch(slave, ringed, decided))
 
     def _widen(self, decided: npt.NDArray[np.float64]) -> None:
         """Fetch more facets where a search is not settled. Collective.
@@ -417,7 +418,8 @@ class PairAssembly:
             decided: how far away the search of each own slave facet was decided, (facets,)
         """
         slave, ringed = self._place[:2]
-        self._hold(self._facets.widen(slave, ringed, decided))
+        with events.EXCHANGE:
+            self._hold(self._facets.widen(slave, ringed, decided))
 
     def _hold(self, master: Any) -> None:
         """Give the assembler other master facets. Collective."""

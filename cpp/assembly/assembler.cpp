@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "assembler.h"
 
+#include "events.h"
+
 #include <algorithm>
 #include <stdexcept>
 
@@ -260,6 +262,7 @@ std::vector<double> Assembler<D>::decided() const
 template <int D>
 Changes Assembler<D>::update(const Unknowns& u, double close, bool again)
 {
+  const Logged logged(Event::search);
   if (u.lambda.size() != _multiplier_dofs.size() or u.Lambda.size() != _friction.dofs.size())
     throw std::invalid_argument("Assembler.update: one value for each local multiplier is needed");
   _slave.displace(u.slave);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "block_adder.h"
 
+#include "events.h"
 #include "petsc_check.h"
 
 #include <algorithm>
@@ -45,15 +46,17 @@ void BlockAdder::open(Mat A)
   check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(A), MATSEQAIJ, &seq), "open");
   check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(A), MATMPIAIJ, &mpi), "open");
   check(MatAssembled(A, &assembled), "MatAssembled");
-  _direct = assembled and (seq or mpi);
-  if (not _direct)
-    return;
-
   PetscObjectId id = 0;
   PetscObjectState nonzeros = 0;
   check(PetscObjectGetId(reinterpret_cast<PetscObject>(A), &id), "PetscObjectGetId");
   check(MatGetNonzeroState(A, &nonzeros), "MatGetNonzeroState");
-  if (id != _id or nonzeros != _nonzeros)
+  // a matrix that has been assembled with this pattern has no gaps in its arrays, also after others
+  // have begun to add to it
+  const bool known = id == _id and nonzeros == _nonzeros;
+  _direct = (seq or mpi) and (assembled or known);
+  if (not _direct)
+    return;
+  if (not known)
     forget();
   _id = id;
   _nonzeros = nonzeros;
@@ -163,6 +166,7 @@ std::size_t BlockAdder::describe(std::span<const PetscInt> rows, std::span<const
 void BlockAdder::add(const Name& name, std::span<const PetscInt> rows,
                      std::span<const PetscInt> columns, const double* values)
 {
+  const Logged logged(Event::insertion);
   if (not _direct)
     return add_once(rows, columns, values);
   if (name.facet >= static_cast<int>(_head.size()))

@@ -2,6 +2,7 @@
 //
 // What an Assembler writes into PETSc's vectors and matrices.
 #include "assembler.h"
+#include "events.h"
 #include "petsc_check.h"
 
 #include <algorithm>
@@ -96,6 +97,7 @@ void Assembler<D>::for_each_pair(int facet, Visit visit) const
 template <int D>
 void Assembler<D>::residual(::Vec b) const
 {
+  const Logged logged(Event::residual);
   check(VecSetOption(b, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE), "VecSetOption");
   Sample buffer;
   std::vector<PetscInt> dofs;
@@ -173,6 +175,7 @@ struct Assembler<D>::FieldSums
 template <int D>
 void Assembler<D>::tangent(Mat A) const
 {
+  const Logged logged(Event::tangent);
   _adder.open(A);
   try
   {
@@ -301,6 +304,7 @@ void Assembler<D>::node_dofs(const std::vector<std::int32_t>& nodes,
 template <int D>
 void Assembler<D>::insert_pattern(Mat A, bool remember)
 {
+  const Logged logged(Event::pattern);
   _adder.forget();
   if (remember)
     _pattern.assign(_own, {});

@@ -3,6 +3,7 @@
 // The folder bindings/ is the only place that knows pybind11. Arrays are row-major; PETSc objects
 // arrive as their handles (petsc4py: mat.handle), which are borrowed for the time of the call.
 #include "../assembly/assembler.h"
+#include "../assembly/events.h"
 #include "../assembly/pattern.h"
 #include "../parallel/exchange.h"
 #include "material.h"
@@ -448,6 +449,8 @@ PYBIND11_MODULE(_cpp, m)
           const std::vector<double> v = largest_in_rows(reinterpret_cast<Mat>(mat));
           return as_array(v, {static_cast<py::ssize_t>(v.size())});
         });
+  // The first one registers all, under PETSc's class "dolfinx_contact".
+  m.def("register_log_events", [] { log_event(Event::search); });
   declare_tools(m);
   declare_assembler<2>(m, "Assembler2");
   declare_assembler<3>(m, "Assembler3");
