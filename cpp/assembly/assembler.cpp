@@ -231,7 +231,6 @@ void Assembler<D>::seek(const Seeker<D>& seeker, State& s) const
   s.target = _search.find(_master, seeker, s.target, normals());
   if (s.target.facet < 0)
     return;
-  s.away = -1;
   NormalField<D> field;
   if (interpolated())
     field = _normals.at(_master, s.target.facet, s.target.xi.data());
@@ -321,6 +320,7 @@ Changes Assembler<D>::update(const Unknowns& u, double close, bool again)
           s.target = former;
           continue;
         }
+        s.away = -1;
       }
       const bool was = s.closed;
       s.closed
