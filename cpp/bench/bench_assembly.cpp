@@ -19,8 +19,8 @@ template <int D>
 class Problem
 {
 public:
-  Problem(const Element& element, int facets, bool friction)
-      : _pair(bench::pair<D>(element, facets))
+  Problem(const Element& element, int facets, bool friction, int simpson_n = 1)
+      : _pair(bench::pair<D>(element, facets, simpson_n))
       , _dofs(_pair.slave, _pair.master, friction)
       , _assembler(_pair.slave, _pair.slave.size(), particles(), options(friction), _dofs.slave,
                    _pair.slave.local, _dofs.multiplier)
@@ -283,6 +283,36 @@ void add_all()
   }
 }
 
-const bool registered = (add_all<3>(), add_all<2>(), true);
+/// Bilinear quadrilaterals, 10³ to 10⁵ slave facets with Simpson's rule.
+void add_sizes()
+{
+  std::map<int, Once<Problem<3>>> problems;
+  for (int facets : {1000, 10000, 100000})
+    problems.emplace(facets,
+                     [=] {
+                       return std::make_unique<Problem<3>>(Element{Shape::quadrilateral, 1, 1},
+                                                           facets, false, 0);
+                     });
+  auto add_family = [&](const std::string& name, auto run)
+  {
+    benchmark::RegisterBenchmark(name.c_str(),
+                                 [=](benchmark::State& s)
+                                 {
+                                   run(s, problems.at(s.range(0))());
+                                   s.SetComplexityN(s.range(0));
+                                 })
+        ->Arg(1000)
+        ->Arg(10000)
+        ->Arg(100000)
+        ->Repetitions(5)
+        ->MinTime(0.1)
+        ->Complexity();
+  };
+  add_family("update", update<3>);
+  add_family("residual", residual<3>);
+  add_family("tangent", tangent<3>);
+}
+
+const bool registered = (add_all<3>(), add_all<2>(), add_sizes(), true);
 
 } // namespace

@@ -123,6 +123,40 @@ void expand_rows(const CouplingBasis<D>& B, const Small& k0, Out& out)
       row += B.M->dN[i][a] * k0.template middleRows<D>(D + i * D);
   }
 }
+
+// The same for all columns of a pair's tangent; plain loops along rows, which compilers vectorise.
+template <int D, bool F, typename Small>
+void add_rows(const CouplingBasis<D>& B, const Small& C, PairMatrix<D>& K)
+{
+  constexpr int Q = D - 1, Z = Kinematics<D>::Z;
+  static_assert(Small::IsRowMajor);
+  const Eigen::Index n = K.cols();
+  auto from = [&](int i) { return C.data() + i * n; };
+  auto to = [&](int i) { return K.data() + i * n; };
+  auto add = [n](double w, const double* __restrict c, double* __restrict k)
+  {
+    for (Eigen::Index j = 0; j < n; ++j)
+      k[j] += w * c[j];
+  };
+  for (int a = 0; a < B.slave; ++a)
+    for (int i = 0; i < D; ++i)
+      add(B.N[a], from(i), to(a * D + i));
+  for (int a = 0; a < B.multiplier; ++a)
+    add(B.psi[a], from(Z), to(B.first_multiplier() + a));
+  if constexpr (F)
+    for (int a = 0; a < B.friction * Q; ++a)
+      for (int i = 0; i < D; ++i)
+        add(B.phi[a / Q] * B.tangent[a][i], from(Z + 1 + i), to(B.first_friction() + a));
+  for (int a = 0; a < B.master; ++a)
+    for (int i = 0; i < D; ++i)
+    {
+      const double m = B.M->N[a], m1 = B.M->dN[0][a], m2 = B.M->dN[Q - 1][a];
+      const double *c = from(i), *c1 = from(D + i), *c2 = from(Q * D + i);
+      double* k = to(B.first_master() + a * D + i);
+      for (Eigen::Index j = 0; j < n; ++j)
+        k[j] += (Q == 1 ? 0.0 : m2 * c2[j]) + m1 * c1[j] - m * c[j];
+    }
+}
 } // namespace impl
 
 /// Tangent of an open particle: δλ λ*/ρ_n, and κ δΛ·Λ*.
@@ -200,8 +234,9 @@ void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double
   const ClosedParticle<D, F> small = closed_particle<D, F, Drop>(law, lambda, k, f, w, scale);
   const auto& kz = small.z;
 
-  // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master
-  Eigen::Matrix<double, R, Eigen::Dynamic, 0, R, max_unknowns<D>> C(R, B.size());
+  // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master; by rows, which are then added
+  // to those of the pair
+  Eigen::Matrix<double, R, Eigen::Dynamic, Eigen::RowMajor, R, max_unknowns<D>> C(R, B.size());
   for (int a = 0; a < B.slave; ++a)
     C.template middleCols<D>(a * D) = B.N[a] * kz.template leftCols<D>();
   for (int a = 0; a < B.multiplier; ++a)
@@ -216,7 +251,7 @@ void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double
     for (int i = 0; i < Q; ++i)
       column += B.M->dN[i][a] * kz.template middleCols<D>(D + i * D);
   }
-  impl::expand_rows<D, F>(B, C, K);
+  impl::add_rows<D, F>(B, C, K);
 }
 
 /// Columns of a closed particle's tangent for the D numbers of a variation, Kinematics::m or ::e:
