@@ -288,6 +288,8 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
     if (kept.target.facet >= 0)
       best = kept;
   }
+  // Beside the surface (F5) and (F6) look at all ends within the radius
+  best.target.decided = best.target.facet < 0 ? INFINITY : best.cost;
   if (best.target.facet < 0 and _options.rule != TargetRule::proximity)
     _end_tree.descend(
         [&](const Box<D>& box) { return bound(box, q, _options.end_tolerance * _largest); },
@@ -299,7 +301,7 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
         _options.radius);
 
   if (best.target.facet >= 0 and not within_end(q, best.target))
-    return {};
+    best.target = {-1, Vector<Q>::Zero(), Clamp::none, 0, best.target.decided};
   return best.target;
 }
 
