@@ -14,6 +14,7 @@ from typing import Any, Callable, Sequence
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -27,7 +28,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "smooth": {"target": dc.Smooth()},
     "smooth, friction": {"target": dc.Smooth(), "friction": 0.3},
 }
-INSERT = PETSc.Log.Event("ContactInsert")
+INSERT, TANGENT = PETSc.Log.Event("ContactInsert"), PETSc.Log.Event("ContactTangent")
 
 
 def grids(facets: int, layers: int, finer: float = 1, overhang: int = 0) -> list[meshes.Body]:
@@ -63,7 +64,8 @@ class Plates:
     Args:
         facets, layers, finer, overhang: see ``grids``
         move: displacement of the upper plate's top
-        contact: arguments of the pair, a value of VARIANTS for one
+        contact: arguments of the pair, a value of VARIANTS for one; None: no contact
+        load: pressure on both contact surfaces where there is no contact
         options: of PETSc, see ContactProblem
         comm, partition: see meshes.create
     """
@@ -72,11 +74,12 @@ class Plates:
         self,
         facets: int,
         layers: int,
-        contact: dict[str, Any] | None = None,
+        contact: dict[str, Any] | None,
         *,
         finer: float = 1,
         overhang: int = 0,
         move: Sequence[float] = (0.0, 0.0, 0.0),
+        load: float = 0.0,
         options: dict[str, Any] | None = None,
         comm: Any = MPI.COMM_SELF,
         partition: Any = None,
@@ -94,15 +97,18 @@ class Plates:
             fem.dirichletbc(np.array(value), fem.locate_dofs_topological(V, 2, tags.find(tag)), V)
             for tag, value in ((3, move), (4, (0.0, 0.0, 0.0)))
         ]
-        self.pair = dc.ContactPair(
-            dc.Surface(self.u, tags, 1),
-            dc.Surface(self.u, tags, 2),
-            integration=dc.Simpson(1),
-            **(contact or {}),
-        )
-        self.problem = dc.ContactProblem(form, self.u, [self.pair], bcs=bcs, petsc_options=options)
+        pairs = []
+        if contact is None:
+            ds = ufl.Measure("ds", mesh, subdomain_data=tags)
+            form += load * ufl.inner(ufl.FacetNormal(mesh), w) * (ds(1) + ds(2))
+        else:
+            surfaces = dc.Surface(self.u, tags, 1), dc.Surface(self.u, tags, 2)
+            self.pair = dc.ContactPair(*surfaces, integration=dc.Simpson(1), **contact)
+            pairs = [self.pair]
+        self.problem = dc.ContactProblem(form, self.u, pairs, bcs=bcs, petsc_options=options)
         self.system = self.problem.system
-        self.contact = self.system.contacts[0]
+        if pairs:
+            self.contact = self.system.contacts[0]
         self.facets, self.dofs = facets, V.dofmap.index_map.size_global * 3
 
     def press(self) -> None:
@@ -168,6 +174,20 @@ class Plates:
         self.system._add_bulk(A, self.system.bcs)
         A.assemble()
 
+    def dolfinx_alone(self) -> Callable[[], None]:
+        """The bulk's assembly by DOLFINx's own functions into its own matrix: ours must not be
+        slower, or contact would look cheap beside it."""
+        J, F = self.system._J[0][0], self.system._F[0]
+        A = petsc.create_matrix(J)
+
+        def run() -> None:
+            A.zeroEntries()
+            petsc.assemble_matrix(A, J, self.system.bcs)
+            A.assemble()
+            petsc.assemble_vector(F).destroy()
+
+        return run
+
     def search(self) -> None:
         """From the targets of the last one. With fetching displacements from other ranks."""
         self.contact.update()
@@ -185,7 +205,7 @@ class Plates:
     # -- what is done once, or rarely -----------------------------------------------------------
 
     def fresh(self) -> Any:
-        """The pair again, as a new problem has it: no targets and no facets of other ranks."""
+        """The pair again, as a new problem has it: without targets, without master facets."""
         old = self.contact
         blocks = old._slave_block, old._master_block, old.multiplier_block
         return type(old)(self.pair, old._layout, *blocks, None)
@@ -193,6 +213,12 @@ class Plates:
     def exchange(self, fresh: Any) -> None:
         """Bring the master's facets, make the search tree."""
         fresh._exchange(fresh._slave_values(), fresh._ringed_values())
+
+    def exchanged(self) -> Any:
+        """The pair again, with master facets, without targets."""
+        fresh = self.fresh()
+        self.exchange(fresh)
+        return fresh
 
     def cold_search(self, fresh: Any) -> None:
         values = fresh._slave_values(), fresh._master_values(), self.pair._multiplier.x.array
@@ -220,8 +246,20 @@ class Plates:
 class Times:
     """Seconds of several runs: the least counts, the machine may be shared."""
 
-    def __init__(self, seconds: list[float]):
-        self.least, self.spread = min(seconds), max(seconds) / min(seconds) - 1
+    def __init__(self, seconds: Sequence[float]):
+        self.seconds = list(seconds)
+
+    def __add__(self, other: Times) -> Times:
+        return Times([a + b for a, b in zip(self.seconds, other.seconds)])
+
+    @property
+    def least(self) -> float:
+        return min(self.seconds)
+
+    @property
+    def spread(self) -> float:
+        """By how much the slowest exceeds the fastest, relative."""
+        return max(self.seconds) / min(self.seconds) - 1
 
 
 def clock(run: Callable[..., object], runs: int, before: Callable[[], Any] | None = None) -> Times:
@@ -240,14 +278,21 @@ def clock(run: Callable[..., object], runs: int, before: Callable[[], Any] | Non
 
 
 def clock_insertion(plates: Plates, runs: int) -> Times:
-    """Wall time of the insertion of finished blocks into the matrix, from PETSc's event."""
+    """CPU time of the insertion of finished blocks into the matrix: that of the tangent, times the
+    insertion's part of it in PETSc's events, which are wall times."""
     if not PETSc.Log.isActive():
         PETSc.Log.begin()
+
+    def walls() -> Any:
+        return np.array([event.getPerfInfo()["time"] for event in (INSERT, TANGENT)])
+
     INSERT.setActive(True)
     seconds = []
     for _ in range(runs):
-        before = INSERT.getPerfInfo()["time"]
+        before, start = walls(), time.process_time()
         plates.tangent()
-        seconds.append(INSERT.getPerfInfo()["time"] - before)
+        spent = time.process_time() - start
+        insertion, tangent = walls() - before
+        seconds.append(spent * insertion / tangent)
     INSERT.setActive(False)  # it would slow down what is measured next
     return Times(seconds)
