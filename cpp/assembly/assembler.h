@@ -301,10 +301,16 @@ private:
     }
   };
 
+  /// Work space of a loop over pairs.
+  struct Groups
+  {
+    std::vector<std::array<int, 2>> order; // target, particle
+    std::vector<int> particles;
+  };
   template <typename Visit>
-  void for_each_pair(int facet, Visit visit) const;
-  CouplingBasis<D> basis(const State& s, const Sample& sample,
-                         std::vector<Vector<D>>& tangent) const;
+  void for_each_pair(int facet, Groups& work, Visit visit) const;
+  const Vector<D>* tangents(int facet, std::vector<Vector<D>>& out) const;
+  CouplingBasis<D> basis(const Sample& sample, const Vector<D>* tangents) const;
   void lay_out();
   CellPoints<D> cells(int facet, bool motion) const;
   void refine();
@@ -352,7 +358,8 @@ private:
   void add_tangent() const;
   template <bool F>
   void motion_tangent(int facet, int target, std::span<const int> particles,
-                      const std::vector<PetscInt>& dofs, const CellPoints<D>& cells) const;
+                      const Vector<D>* tangents, const std::vector<PetscInt>& dofs,
+                      const CellPoints<D>& cells) const;
   Rates<D> rates(const State& s, const Sample& along, int beta) const;
   void node_dofs(const std::vector<std::int32_t>& nodes, const std::vector<PetscInt>& table,
                  std::vector<PetscInt>& dofs) const;

@@ -60,7 +60,7 @@ Rates<D> Assembler<D>::rates(const State& s, const Sample& along, int beta) cons
 template <int D>
 template <bool F>
 void Assembler<D>::motion_tangent(int f, int target, std::span<const int> particles,
-                                  const std::vector<PetscInt>& dofs,
+                                  const Vector<D>* tangents, const std::vector<PetscInt>& dofs,
                                   const CellPoints<D>& cells) const
 {
   constexpr int Q = D - 1;
@@ -83,7 +83,6 @@ void Assembler<D>::motion_tangent(int f, int target, std::span<const int> partic
     for (Eigen::Index first = 0, n; first < block.cols(); first += n)
       visit(first, n = D * (first == 0 ? _slave.nv() : _master.nv()));
   };
-  std::vector<Vector<D>> tangents, same;
   BasisValues P, M;
   Sample here, along;
   for (int p : particles)
@@ -91,7 +90,7 @@ void Assembler<D>::motion_tangent(int f, int target, std::span<const int> partic
     const State& s = _now.of(f)[p];
     const ContactLaw law = this->law(s);
     tabulate(s.xi.data(), here);
-    CouplingBasis<D> B = basis(s, here, tangents);
+    CouplingBasis<D> B = basis(here, tangents);
     Kinematics<D> k;
     if (s.closed)
     {
@@ -122,7 +121,7 @@ void Assembler<D>::motion_tangent(int f, int target, std::span<const int> partic
       std::copy_n(here.displacement.dN[b], BasisValues::max_nodes, along.displacement.N);
       std::copy_n(psi.dN[b], BasisValues::max_nodes, along.psi.begin());
       std::copy_n(phi.dN[b], BasisValues::max_nodes, along.phi.begin());
-      CouplingBasis<D> Bb = basis(s, along, same);
+      CouplingBasis<D> Bb = basis(along, tangents);
       const Rates<D> rate = rates(s, along, b);
       const PairVector<D> d
           = s.closed ? closed_rate<D, F>(B, Bb, law, s.lambda, k, s.Lambda, friction, rate,
@@ -154,16 +153,16 @@ void Assembler<D>::motion_tangent(int f, int target, std::span<const int> partic
 // the members of this file; assembler.cpp instantiates the others
 template Rates<2> Assembler<2>::rates(const State&, const Sample&, int) const;
 template Rates<3> Assembler<3>::rates(const State&, const Sample&, int) const;
-template void Assembler<2>::motion_tangent<false>(int, int, std::span<const int>,
+template void Assembler<2>::motion_tangent<false>(int, int, std::span<const int>, const Vector<2>*,
                                                   const std::vector<PetscInt>&,
                                                   const CellPoints<2>&) const;
-template void Assembler<2>::motion_tangent<true>(int, int, std::span<const int>,
+template void Assembler<2>::motion_tangent<true>(int, int, std::span<const int>, const Vector<2>*,
                                                  const std::vector<PetscInt>&,
                                                  const CellPoints<2>&) const;
-template void Assembler<3>::motion_tangent<false>(int, int, std::span<const int>,
+template void Assembler<3>::motion_tangent<false>(int, int, std::span<const int>, const Vector<3>*,
                                                   const std::vector<PetscInt>&,
                                                   const CellPoints<3>&) const;
-template void Assembler<3>::motion_tangent<true>(int, int, std::span<const int>,
+template void Assembler<3>::motion_tangent<true>(int, int, std::span<const int>, const Vector<3>*,
                                                  const std::vector<PetscInt>&,
                                                  const CellPoints<3>&) const;
 
