@@ -23,6 +23,11 @@ RULES = {
 }
 
 
+def sliced(x, ranks):
+    """The same whenever it is called, as DOLFINx's own partition need not be."""
+    return np.argsort(np.argsort(x[:, 0], kind="stable")) * ranks // len(x)
+
+
 def scattered(x, ranks):
     return np.random.default_rng(3).integers(0, ranks, len(x))
 
@@ -80,7 +85,7 @@ def tables(dim, arguments, partition, overhang):
 @pytest.mark.parametrize("rule", RULES)
 def test_targets_are_those_of_the_whole_surface(rule, dim, overhang, monkeypatch):
     """Through motions small and large, near and far, with ends in sight."""
-    for partition in (None, scattered)[: 4 - dim]:
+    for partition in (sliced, scattered)[: 4 - dim]:
         found, few = tables(dim, RULES[rule], partition, overhang)
         with monkeypatch.context() as patch:
             patch.setattr(exchange, "_NEAR", 1e6)  # all within d_max
