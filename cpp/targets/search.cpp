@@ -270,9 +270,9 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
   auto key = [&](const Box<D>& box, int node)
   {
     const double cost = bound(box, q, inside * _largest);
-    const bool none = cost > limit
-                      or (not _normals.empty()
-                          and not may_lead_to<D>(q.x, box, _normals[node], 0, limit));
+    const bool none
+        = cost > limit
+          or (not _normals.empty() and not may_lead_to<D>(q.x, box, _normals[node], 0, limit));
     return none ? INFINITY : cost;
   };
   auto visit = [&](int f)
@@ -317,9 +317,9 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
         [&](const Box<D>& box, int node)
         {
           const double aside = _options.end_tolerance * _largest;
-          const bool none = not _end_normals.empty()
-                            and not may_lead_to<D>(q.x, box, _end_normals[node], aside,
-                                                   _options.radius);
+          const bool none
+              = not _end_normals.empty()
+                and not may_lead_to<D>(q.x, box, _end_normals[node], aside, _options.radius);
           return none ? INFINITY : bound(box, q, aside);
         },
         [&](int i)

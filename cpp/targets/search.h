@@ -94,12 +94,12 @@ private:
 
   SearchOptions<D> _options;
   BoxTree<D> _tree;
-  BoxTree<D> _end_tree;                   // of the facets at physical ends, for (F5) and (F6)
+  BoxTree<D> _end_tree;                       // of the facets at physical ends, for (F5) and (F6)
   std::vector<Box<D>> _normals, _end_normals; // of M in the nodes of the trees; may be empty
-  std::vector<int> _at_end;               // these facets
-  std::vector<double> _diameter;          // of the facets, reference configuration
-  double _largest = 0, _typical = 0;      // of them
-  std::vector<std::uint8_t> _end_corners; // bit v: corner v is at a physical end
+  std::vector<int> _at_end;                   // these facets
+  std::vector<double> _diameter;              // of the facets, reference configuration
+  double _largest = 0, _typical = 0;          // of them
+  std::vector<std::uint8_t> _end_corners;     // bit v: corner v is at a physical end
 };
 
 extern template class Search<2>;

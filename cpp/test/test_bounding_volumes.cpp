@@ -177,7 +177,8 @@ void nothing_in_an_empty_tree()
     everywhere.lo.setConstant(-INFINITY);
     everywhere.hi.setConstant(INFINITY);
     tree.overlaps(everywhere, [&](int) { ++calls; });
-    tree.descend([](const Box<D>&, int) { return 0.0; }, [&](int) { return double(++calls); }, INFINITY);
+    tree.descend([](const Box<D>&, int) { return 0.0; }, [&](int) { return double(++calls); },
+                 INFINITY);
     REQUIRE(calls == 0);
     REQUIRE_FALSE(tree.root().overlaps(BoxTree<D>::item_box(random_boxes<D>(1, random), 0)));
   }
