@@ -21,14 +21,18 @@ const BasisValues& rigid_basis()
   return one;
 }
 
-// Fetch a state that is soon read. There is more of them than caches hold, and a residual does so
-// little with each that it would wait for most.
+// Fetch what a residual reads of a state. There are more states than caches hold, and a residual
+// does so little with each that it would wait for most.
 template <typename State>
 void fetch(const std::vector<State>& states, std::size_t i)
 {
-  if (i < states.size())
-    for (std::size_t byte = 0; byte < sizeof(State); byte += 64) // a line of the cache
-      __builtin_prefetch(reinterpret_cast<const char*>(&states[i]) + byte);
+  if (i >= states.size())
+    return;
+  constexpr int line = 64; // bytes of the cache
+  const char *p = reinterpret_cast<const char*>(&states[i]),
+             *end = reinterpret_cast<const char*>(&states[i].away);
+  for (; p < end; p += line)
+    __builtin_prefetch(p);
 }
 } // namespace
 
