@@ -113,7 +113,7 @@ void Assembler<D>::motion_tangent(int f, int target, std::span<const int> partic
       _friction.basis.tabulate(s.xi.data(), phi);
 
     const auto& motion = cells.motion[p];
-    Eigen::Matrix<double, Eigen::Dynamic, D> with(dofs.size(), D); // with log w and ξ
+    FieldColumns<D> with(dofs.size(), D); // with log w and ξ
     with.col(0) = r;
     for (int b = 0; b < Q; ++b)
     {
@@ -132,8 +132,18 @@ void Assembler<D>::motion_tangent(int f, int target, std::span<const int> partic
     for_groups(
         [&](Eigen::Index first, Eigen::Index n)
         {
-          if (not motion.middleCols(first, n).isZero(0))
-            block.middleCols(first, n).noalias() += with.lazyProduct(motion.middleCols(first, n));
+          const auto moved = motion.middleCols(first, n);
+          if (moved.isZero(0))
+            return;
+          for (Eigen::Index i = 0; i < block.rows(); ++i)
+          {
+            auto row = block.row(i).segment(first, n);
+            if constexpr (D == 2)
+              row += with(i, 0) * moved.row(0) + with(i, 1) * moved.row(1);
+            else
+              row += with(i, 0) * moved.row(0) + with(i, 1) * moved.row(1)
+                     + with(i, 2) * moved.row(2);
+          }
         });
   }
 

@@ -11,22 +11,6 @@ namespace dolfinx_contact
 namespace
 {
 
-// Corners of a facet in the order in which they follow each other around it.
-std::span<const int> around(Shape shape)
-{
-  static constexpr std::array<int, 4> quadrilateral = {0, 1, 3, 2};
-  static constexpr std::array<int, 3> others = {0, 1, 2};
-  if (shape == Shape::quadrilateral)
-    return quadrilateral;
-  return std::span(others).first(num_vertices(shape));
-}
-
-template <int D>
-Vector<D> corner(const Surface& s, int f, int v)
-{
-  return Eigen::Map<const Vector<D>>(s.facet_x(f) + v * D); // the first nodes are the corners
-}
-
 // A master facet in the slave facet's plane.
 template <int D>
 struct Shadow
@@ -110,7 +94,7 @@ struct Lines
 };
 
 template <int D>
-using Motion = Eigen::Matrix<double, D - 1, Eigen::Dynamic>;
+using Motion = Eigen::Matrix<double, D - 1, Eigen::Dynamic, Eigen::RowMajor>;
 
 // A point that the corners of cells are made of, and how it varies.
 template <int D>
@@ -119,6 +103,22 @@ struct Base
   Vector<D - 1> c;
   Motion<D> of;
 };
+
+// visit(number) of the points that the corners of a cell are made of.
+template <typename Visit>
+void for_points(const Interval& cell, const Lines&, Visit visit)
+{
+  visit(cell.lo_from);
+  visit(cell.hi_from);
+}
+
+template <typename Visit>
+void for_points(const Polygon& cell, const Lines& lines, Visit visit)
+{
+  for (const int line : cell.lines)
+    for (const int point : lines.through[line])
+      visit(point);
+}
 
 // How the corners of a cell vary.
 std::vector<Motion<2>> corners_of(const Interval& cell, const Lines&,
@@ -200,149 +200,6 @@ Motion<3>::RowXpr::PlainObject measure_variation(const std::array<Vector<2>, 3>&
 } // namespace
 
 template <int D>
-Chart<D>::Chart(const Surface& s, int f)
-    : _shape(s.ref.shape)
-    , _nv(s.nv())
-{
-  std::array<Vector<D>, 4> x;
-  for (int v = 0; v < s.nv(); ++v)
-    x[v] = corner<D>(s, f, v);
-  _origin = x[0];
-  _a.col(0) = x[1] - x[0];
-  if constexpr (D == 3)
-    _a.col(1) = x[2] - x[0];
-  Vector<D> hourglass = Vector<D>::Zero();
-  if (_shape == Shape::quadrilateral)
-  {
-    // x(ξ) = centre + a_α (ξ_α − ½) + h (ξ_1 − ½)(ξ_2 − ½)
-    hourglass = x[0] - x[1] - x[2] + x[3];
-    for (int i = 0; i < Q; ++i)
-      _a.col(i) += 0.5 * hourglass;
-    _origin = 0.25 * (x[0] + x[1] + x[2] + x[3]) - 0.5 * _a.rowwise().sum();
-  }
-  if constexpr (D == 2)
-    _normal = Vector<2>(_a(1, 0), -_a(0, 0)).normalized();
-  else
-  {
-    _normal = _a.col(0).cross(_a.col(1)).normalized();
-    if (_shape == Shape::quadrilateral)
-    {
-      const Vector<D> h = project(_origin + hourglass, _normal);
-      _kappa = h.template head<Q>();
-      _warp = h[D - 1];
-      // a facet that folds has no such plane; its cells are then those of straight lines in ξ
-      if (not(_kappa.template lpNorm<1>() < 1.9))
-        _kappa.setZero();
-    }
-  }
-}
-
-template <int D>
-auto Chart<D>::whole() const -> Set
-{
-  if constexpr (D == 2)
-    return {0, 1};
-  else
-  {
-    Polygon p;
-    for (int v : around(_shape))
-    {
-      const Eigen::Map<const Vector<2>> xi(reference_vertex(_shape, v));
-      p.corners.push_back(xi + (xi[0] - 0.5) * (xi[1] - 0.5) * _kappa);
-    }
-    return p;
-  }
-}
-
-template <int D>
-Vector<D> Chart<D>::project(const Vector<D>& x, const Vector<D>& m) const
-{
-  Eigen::Matrix<double, D, D> A;
-  A << _a, m;
-  return A.inverse() * (x - _origin);
-}
-
-template <int D>
-auto Chart<D>::xi(const Vector<Q>& c) const -> Vector<Q>
-{
-  if constexpr (D == 3)
-    if (_shape == Shape::quadrilateral)
-    {
-      // with C = c − ½ and w = (ξ_1 − ½)(ξ_2 − ½): ξ − ½ = C − κ w, thus
-      // κ_1 κ_2 w² − (1 + κ_1 C_2 + κ_2 C_1) w + C_1 C_2 = 0, and w = 0 where C_1 C_2 = 0
-      const Vector<2> C = c.array() - 0.5;
-      const double b = 1 + _kappa[0] * C[1] + _kappa[1] * C[0], p = C[0] * C[1];
-      const double root = std::sqrt(std::max(0.0, b * b - 4 * _kappa[0] * _kappa[1] * p));
-      return c - 2 * p / (b + root) * _kappa;
-    }
-  return c;
-}
-
-template <int D>
-auto Chart<D>::gradient(const Vector<Q>& xi) const -> Eigen::Matrix<double, Q, Q>
-{
-  Eigen::Matrix<double, Q, Q> J = Eigen::Matrix<double, Q, Q>::Identity();
-  if constexpr (D == 3)
-  {
-    J.col(0) += (xi[1] - 0.5) * _kappa;
-    J.col(1) += (xi[0] - 0.5) * _kappa;
-  }
-  return J;
-}
-
-template <int D>
-auto Chart<D>::dual(const Vector<D>& m) const -> Eigen::Matrix<double, Q, D>
-{
-  Eigen::Matrix<double, D, D> A;
-  A << _a, m;
-  return A.inverse().template topRows<Q>();
-}
-
-// x = o + a_α c^α + s m: δc^α = a^α·(δx − δo − δa_β c^β − s δm), and for m = N
-// a^α·δN = −G^αβ N·δa_β with G^αβ = a^α·a^β
-template <int D>
-auto Chart<D>::variation(const Vector<D>& at, const Vector<D>& m, bool free, bool turns) const
-    -> Eigen::Matrix<double, Q, Eigen::Dynamic>
-{
-  const Eigen::Matrix<double, Q, D> a = dual(m);
-  const Eigen::Matrix<double, Q, Q> G = a * a.transpose();
-  Eigen::Matrix<double, Q, Eigen::Dynamic> out(Q, D * _nv);
-  const bool quadrilateral = _shape == Shape::quadrilateral;
-  for (int v = 0; v < _nv; ++v)
-  {
-    // o = Σ_v origin x_v, a_β = Σ_v tangent_β x_v
-    Vector<Q> tangent;
-    for (int i = 0; i < Q; ++i)
-      tangent[i] = v == 0 ? -1 : v == i + 1 ? 1 : 0;
-    double origin = v == 0;
-    if (quadrilateral)
-    {
-      tangent.array() += v == 0 or v == 3 ? 0.5 : -0.5;
-      origin = 0.25 - 0.5 * tangent.sum();
-    }
-    const double with = (free ? origin : 0) + tangent.dot(at.template head<Q>());
-    out.template middleCols<D>(v * D) = -with * a;
-    if (turns)
-      out.template middleCols<D>(v * D) += at[D - 1] * (G * tangent) * _normal.transpose();
-  }
-  return out;
-}
-
-template <int D>
-auto Chart<D>::kappa_variation() const -> Eigen::Matrix<double, Q, Eigen::Dynamic>
-{
-  if (D == 2 or _kappa.isZero(0))
-    return Eigen::Matrix<double, Q, Eigen::Dynamic>::Zero(Q, D * _nv);
-  Vector<D> at;
-  at << _kappa, _warp;
-  Eigen::Matrix<double, Q, Eigen::Dynamic> out = variation(at, _normal, false, true);
-  const Eigen::Matrix<double, Q, D> a = dual(_normal);
-  for (int v = 0; v < _nv; ++v) // h = x_0 − x_1 − x_2 + x_3
-    out.template middleCols<D>(v * D) += (v == 0 or v == 3 ? 1 : -1) * a;
-  return out;
-}
-
-template <int D>
 CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& master,
                                   std::span<const int> near, const Vector<D>& direction,
                                   double reach, bool motion) const
@@ -400,8 +257,18 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
   Motion<D> of_kappa;
   if (motion)
   {
+    // only some of the projected points are on the boundary of a cell
+    std::vector<bool> used(nv + projected.size(), false);
+    for (const Part<Set>& cell : cells)
+      for_points(cell.set, lines, [&](int point) { used[point] = true; });
+    auto is_used = [&](const Shadow<D>& s)
+    {
+      const auto first = used.begin() + nv + s.first;
+      return std::find(first, first + master.nv(), true) != first + master.nv();
+    };
     for (const Shadow<D>& s : shadows)
-      out.facets.push_back(s.master);
+      if (is_used(s))
+        out.facets.push_back(s.master);
     std::sort(out.facets.begin(), out.facets.end());
     out.facets.erase(std::unique(out.facets.begin(), out.facets.end()), out.facets.end());
     const int columns = D * (nv + static_cast<int>(out.facets.size()) * master.nv());
@@ -414,9 +281,11 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
       const double w = D == 2 ? 0 : (xi[0] - 0.5) * (xi[Q - 1] - 0.5);
       bases.push_back({xi + w * chart.kappa(), w * of_kappa});
     }
-    bases.resize(nv + projected.size(), {Vector<Q>::Zero(), Motion<D>::Zero(Q, columns)});
+    bases.resize(nv + projected.size());
     for (const Shadow<D>& s : shadows)
     {
+      if (not is_used(s))
+        continue;
       const auto g = std::lower_bound(out.facets.begin(), out.facets.end(), s.master);
       const int first = nv + static_cast<int>(g - out.facets.begin()) * master.nv();
       for (int i = 0; i < master.nv(); ++i)
@@ -424,11 +293,13 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
         const Vector<D>& at = projected[s.first + i];
         Base<D>& base = bases[nv + s.first + i];
         base.c = at.template head<Q>();
+        base.of.setZero(Q, columns);
         base.of.leftCols(D * nv) = chart.variation(at, m, true, turns);
         base.of.template middleCols<D>(D * (first + around(master.ref.shape)[i])) = chart.dual(m);
       }
     }
   }
+  Motion<D> d;
   for (const Part<Set>& cell : cells)
   {
     std::vector<Motion<D>> of_corners;
@@ -438,8 +309,13 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
               [&](const auto& at, const auto& corners, double measure)
               {
                 std::array<Motion<D>, D> dc;
-                for (int i = 0; motion and i < D; ++i)
-                  dc[i] = of_corners[at[i]];
+                typename Motion<D>::RowXpr::PlainObject of_measure;
+                if (motion)
+                {
+                  for (int i = 0; i < D; ++i)
+                    dc[i] = of_corners[at[i]];
+                  of_measure = measure_variation(corners, dc) / measure;
+                }
                 for (int p = 0; p < _cell.size(); ++p)
                 {
                   Vector<Q> c = corners[0];
@@ -452,27 +328,31 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
                   if (not motion)
                     continue;
                   // c = ξ + κ w(ξ): δξ = J⁻¹ (δc − w δκ)
-                  Motion<D> d = dc[0];
+                  double first = 1;
                   for (int i = 0; i < Q; ++i)
-                    d += _cell.points[p * Q + i] * (dc[i + 1] - dc[0]);
-                  Eigen::Matrix<double, D, Eigen::Dynamic> row(D, d.cols());
+                    first -= _cell.points[p * Q + i];
+                  d = first * dc[0];
+                  for (int i = 0; i < Q; ++i)
+                    d += _cell.points[p * Q + i] * dc[i + 1];
                   const double w = D == 2 ? 0 : (xi[0] - 0.5) * (xi[Q - 1] - 0.5);
-                  d = (J.inverse() * (d - w * of_kappa)).eval();
-                  row.bottomRows(Q) = d;
-                  row.row(0) = measure_variation(corners, dc) / measure;
+                  const bool curved = not chart.kappa().isZero(0);
+                  if (curved)
+                    d -= w * of_kappa;
+                  auto& row = out.motion.emplace_back(D, d.cols());
+                  row.row(0) = of_measure;
+                  row.bottomRows(Q).noalias() = J.inverse().lazyProduct(d);
                   if constexpr (D == 3)
-                    row.row(0) -= (of_kappa.row(0) * (xi[1] - 0.5) + of_kappa.row(1) * (xi[0] - 0.5)
-                                   + chart.kappa()[0] * d.row(1) + chart.kappa()[1] * d.row(0))
-                                  / J.determinant();
-                  out.motion.push_back(std::move(row));
+                    if (curved)
+                      row.row(0)
+                          -= (of_kappa.row(0) * (xi[1] - 0.5) + of_kappa.row(1) * (xi[0] - 0.5)
+                              + chart.kappa()[0] * row.row(2) + chart.kappa()[1] * row.row(1))
+                             / J.determinant();
                 }
               });
   }
   return out;
 }
 
-template class Chart<2>;
-template class Chart<3>;
 template class Segments<2>;
 template class Segments<3>;
 
