@@ -48,7 +48,8 @@ Chart<D>::Chart(const Surface& s, int f)
       _kappa = h.template head<Q>();
       _warp = h[D - 1];
       // a facet that folds has no such plane; its cells are then those of straight lines in ξ
-      if (not(_kappa.template lpNorm<1>() < 1.9))
+      _curves = _kappa.template lpNorm<1>() < 1.9;
+      if (not _curves)
         _kappa.setZero();
     }
   }
@@ -148,7 +149,7 @@ auto Chart<D>::variation(const Vector<D>& at, const Vector<D>& m, bool free, boo
 template <int D>
 auto Chart<D>::kappa_variation() const -> Eigen::Matrix<double, Q, Eigen::Dynamic>
 {
-  if (D == 2 or _kappa.isZero(0))
+  if (not _curves)
     return Eigen::Matrix<double, Q, Eigen::Dynamic>::Zero(Q, D * _nv);
   Vector<D> at;
   at << _kappa, _warp;

@@ -61,7 +61,10 @@ public:
 
   const Vector<Q>& kappa() const { return _kappa; }
 
-  /// How κ varies with the facet's corners: (Q, D × corners); zero where there is no κ.
+  /// True if the facet may have a κ ≠ 0, though a parallelogram has none now.
+  bool curves() const { return _curves; }
+
+  /// How κ varies with the facet's corners: (Q, D × corners); zero unless it `curves`.
   Eigen::Matrix<double, Q, Eigen::Dynamic> kappa_variation() const;
 
 private:
@@ -70,6 +73,7 @@ private:
   Vector<D> _origin, _normal;
   Eigen::Matrix<double, D, Q> _a;
   Vector<Q> _kappa = Vector<Q>::Zero();
+  bool _curves = false;
   double _warp = 0; // component of the hourglass along the normal
 };
 

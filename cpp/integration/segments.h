@@ -29,9 +29,9 @@ struct CellPoints
 
   // if asked for
   std::vector<int> facets; ///< of the master, whose corners the cells depend on
-  /// Of each point: δ(log weight), then δξ; (D, D × columns), columns: the slave facet's corners,
-  /// then those of `facets`, one facet after the other
-  std::vector<Eigen::Matrix<double, D, Eigen::Dynamic, Eigen::RowMajor>> motion;
+  /// D rows for each point: δ(log weight), then δξ. Columns: the slave facet's corners, then those
+  /// of `facets`, one facet after the other
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> motion;
 };
 
 /// Particles on the common refinement.
