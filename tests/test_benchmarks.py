@@ -13,4 +13,3 @@ FOLDER = Path(__file__).parent.parent / "benchmarks"
 def test_small(name, monkeypatch):
     monkeypatch.syspath_prepend(str(FOLDER))
     importlib.import_module(name).main(["--small"])
-

@@ -108,7 +108,9 @@ public:
 
   /// New master facets after an exchange; targets are carried over by their global numbers.
   /// @param dofs system dofs of its node table, (nodes, D), −1 if held
-  void set_master(Surface master, std::vector<PetscInt> dofs);
+  /// @param reach all master facets within this distance of a slave facet are among these, for each
+  /// of the own ones; infinite: all within the search radius. None: everywhere infinite
+  void set_master(Surface master, std::vector<PetscInt> dofs, std::vector<double> reach = {});
 
   /// A rigid tool for the master; the caller may move it later.
   /// @param dofs system dofs of its pieces' translations, (pieces, D), −1 if prescribed
@@ -126,7 +128,13 @@ public:
   /// Move both surfaces, search all targets and decide all statuses.
   /// @param close open particles with d_n > −close × facet diameter count as closed ("initial
   /// contact"); negative: none
-  Changes update(const Unknowns& u, double close);
+  /// @param again only particles that are not settled, after `set_master` has brought more facets
+  Changes update(const Unknowns& u, double close, bool again = false);
+
+  /// For each own facet how far away the last search of its particles was decided; infinite if one
+  /// has found nothing. Where it exceeds the reach some particles are not settled: facets that are
+  /// not here may be nearer, and the particles have kept the status they had before.
+  std::vector<double> decided() const;
 
   /// Freeze some things as the last `update` left them, and let go of the others.
   void freeze(Frozen frozen);
@@ -153,6 +161,7 @@ public:
   struct Node
   {
     bool has_target = false;
+    double decided = 0;              ///< see `decided`
     Vector<D> n = Vector<D>::Zero(); ///< normal at its target
     /// Component i of the slave or of its target is free. (A tool does not count, though a force
     /// may drive it: two held nodes on one tool would be dependent.)
@@ -185,6 +194,8 @@ public:
     double weight = 0;                        ///< its part of the reference measure
     int cell = -1; ///< if the particles move: the master facet its cell lies on, or −1
     Target<D> target;
+    std::int64_t away = -1;               ///< id of its last target if that is not held here
+    bool settled = true;                  ///< no facet held elsewhere can be its target
     int piece = -1;                       ///< of the tool that the target is on
     double lambda = 0;                    ///< multiplier, negative in compression
     double gap = -INFINITY;               ///< d_n, negative if open; −∞ without a target
@@ -316,6 +327,7 @@ private:
   void seek(const Seeker<D>& seeker, State& s) const;
   void stay(const BasisValues& position, State& s) const;
   double near(int facet, double close) const;
+  double reach(int facet) const { return _reach.empty() ? INFINITY : _reach[facet]; }
   Vector<D> slip(const State& s, const BasisValues& position) const;
   int target_of(const State& s) const
   {
@@ -370,6 +382,7 @@ private:
   void carry_over(std::vector<State>& states, const Surface& master) const;
 
   Surface _slave, _master;
+  std::vector<double> _reach; // of each own facet, none: infinite
   int _own;
   std::shared_ptr<const RigidTool<D>> _tool;
   std::vector<PetscInt> _tool_dofs; // none if no force drives the tool
