@@ -345,7 +345,7 @@ TEMPLATE_TEST_CASE_SIG("segments: places and weights vary with the corners as di
           const Eigen::Map<const Eigen::VectorXd> along(v.data(), v.size());
           for (std::size_t p = 0; p < here.points.size(); ++p)
           {
-            const Eigen::VectorXd change = here.motion.middleRows<D>(D * p) * along;
+            const Eigen::VectorXd change = here.motion.template middleRows<D>(D * p) * along;
             Eigen::VectorXd fd(D);
             fd[0] = (high[p].weight - low[p].weight) / (2 * h * here.points[p].weight);
             fd.tail(D - 1) = (high[p].xi - low[p].xi) / (2 * h);
