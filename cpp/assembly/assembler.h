@@ -359,10 +359,26 @@ private:
   };
   template <bool F>
   void add_tangent() const;
+  /// Columns of a pair's tangent that stand for the corners of cells: what the motion of its
+  /// particles adds.
+  struct MotionSums
+  {
+    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    CellPoints<D> cells;           ///< of the slave facet
+    std::vector<PetscInt> columns; ///< their system dofs
+    Matrix block, part;
+    Sample along; ///< work space
+
+    void reset(const Assembler& a, int facet, std::size_t rows);
+    template <typename Visit>
+    void for_facets(const Assembler& a, Visit visit) const;
+  };
   template <bool F>
-  void motion_tangent(int facet, int target, std::span<const int> particles,
-                      const Vector<D>* tangents, const std::vector<PetscInt>& dofs,
-                      const CellPoints<D>& cells) const;
+  void add_motion(const State& s, int p, const Sample& here, const CouplingBasis<D>& B,
+                  const ContactLaw& law, const Kinematics<D>& k, const FrictionTangent<D>& friction,
+                  const ClosedParticle<D, F>* small, MotionSums& sums) const;
+  void insert_motion(int facet, int target, const std::vector<PetscInt>& dofs,
+                     MotionSums& sums) const;
   Rates<D> rates(const State& s, const Sample& along, int beta) const;
   void node_dofs(const std::vector<std::int32_t>& nodes, const std::vector<PetscInt>& table,
                  std::vector<PetscInt>& dofs) const;

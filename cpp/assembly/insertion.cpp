@@ -216,11 +216,12 @@ void Assembler<D>::add_tangent() const
   const bool same = _tool or _master.ref.isoparametric();
   FieldSums of_master(_master, _normals, field), of_slave(_slave, _slave_normals, turns);
   FrictionTangent<D> friction{Friction<D>()};
-  CellPoints<D> cells;
+  const bool motion = _particles.refined and moves;
+  MotionSums of_cells;
   for (int f = 0; f < _own; ++f)
   {
-    if (_particles.refined and moves)
-      cells = this->cells(f, true);
+    if (motion)
+      of_cells.cells = cells(f, true);
     const Vector<D>* const tangent = this->tangents(f, tangents);
     auto add_pair = [&](int target, std::span<const int> particles)
     {
@@ -230,6 +231,8 @@ void Assembler<D>::add_tangent() const
         of_master.columns.setZero(dofs.size(), _master.nv() * D);
       if (turns and target >= 0)
         of_slave.columns.setZero(dofs.size(), _slave.nv() * D);
+      if (motion)
+        of_cells.reset(*this, f, dofs.size());
       for (int p : particles)
       {
         const State& s = _now.of(f)[p];
@@ -240,6 +243,8 @@ void Assembler<D>::add_tangent() const
         if (target < 0)
         {
           add_open_tangent<D>(B, law, w, _options.scale, block);
+          if (motion)
+            add_motion<F>(s, p, here, B, law, {}, friction, nullptr, of_cells);
           continue;
         }
         if (not _tool)
@@ -258,7 +263,11 @@ void Assembler<D>::add_tangent() const
         const Kinematics<D> k = kinematics(s, here.position, P);
         if constexpr (F)
           friction = FrictionTangent<D>(s.friction);
-        add_closed_tangent<D, F>(B, law, s.lambda, k, friction, w, _options.scale, block);
+        const ClosedParticle<D, F> small
+            = closed_particle<D, F>(law, s.lambda, k, friction, w, _options.scale);
+        add_closed_tangent<D, F>(B, small, block);
+        if (motion)
+          add_motion<F>(s, p, here, B, law, k, friction, &small, of_cells);
         double N[4], dN[2][4];
         if (field)
         {
@@ -281,9 +290,10 @@ void Assembler<D>::add_tangent() const
               = evaluate<D>(_slave.facet_x(f), _slave.np(), here.position, false);
           const FieldColumns<D> e
               = field_columns<D, F>(B, law, s.lambda, k, k.e, friction, w, _options.scale);
+          const auto of_tangent = normal_of_tangents<D>(own, -_slave.sigma[f]);
           for (int i = 0; i < Q; ++i)
           {
-            const FieldColumns<D> with = e * normal_of_tangent<D>(own, i, -_slave.sigma[f]);
+            const FieldColumns<D> with = e * of_tangent[i];
             for (int a = 0; a < B.slave; ++a)
               block.template middleCols<D>(a * D) += here.displacement.dN[i][a] * with;
           }
@@ -300,8 +310,8 @@ void Assembler<D>::add_tangent() const
         node_dofs(of_slave.finish(f), _slave_dofs, ring);
         _adder.add({f, target, slave_ring}, dofs, ring, of_slave.values.data());
       }
-      if (_particles.refined and moves)
-        motion_tangent<F>(f, target, particles, tangent, dofs, cells);
+      if (motion)
+        insert_motion(f, target, dofs, of_cells);
     };
     for_each_pair(f, work, add_pair);
   }
