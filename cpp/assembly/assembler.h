@@ -5,6 +5,7 @@
 #include "../mechanics/coupling.h"
 #include "../targets/rigid_tool.h"
 #include "block_adder.h"
+#include "pattern.h"
 
 #include <array>
 #include <optional>
@@ -150,11 +151,11 @@ public:
   /// also before).
   void tangent(Mat A) const;
 
-  /// Insert zeros wherever particles may couple: their targets and the neighbours of these.
-  /// `remember` keeps the pattern for `pattern_holds`.
-  void insert_pattern(Mat A, bool remember);
+  /// Places of all blocks wherever particles may couple: with their targets and the neighbours of
+  /// these.
+  void add_pattern(Pattern& pattern);
 
-  /// True if all targets are within the pattern inserted last.
+  /// True if all targets are within the pattern added last.
   bool pattern_holds() const;
 
   /// What may move at a node of a multiplier.
@@ -322,6 +323,8 @@ private:
   void tabulate(const double* xi, Sample& out) const;
   void dofs_of(int facet, int target, std::vector<PetscInt>& dofs) const;
   void neighbours();
+  std::vector<std::int32_t> target_nodes(int target) const;
+  std::vector<std::int32_t> nodes_around(int target) const;
   int num_nodes() const { return static_cast<int>(_particles.nodes.size()) / (D - 1); }
   int num_directions() const;
   Vector<D> given_direction(int facet, const BasisValues& position, int point) const;
@@ -358,10 +361,26 @@ private:
   };
   template <bool F>
   void add_tangent() const;
+  /// Columns of a pair's tangent that stand for the corners of cells: what the motion of its
+  /// particles adds.
+  struct MotionSums
+  {
+    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    CellPoints<D> cells;           ///< of the slave facet
+    std::vector<PetscInt> columns; ///< their system dofs
+    Matrix block, part;
+    Sample along; ///< work space
+
+    void reset(const Assembler& a, int facet, std::size_t rows);
+    template <typename Visit>
+    void for_facets(const Assembler& a, Visit visit) const;
+  };
   template <bool F>
-  void motion_tangent(int facet, int target, std::span<const int> particles,
-                      const Vector<D>* tangents, const std::vector<PetscInt>& dofs,
-                      const CellPoints<D>& cells) const;
+  void add_motion(const State& s, int p, const Sample& here, const CouplingBasis<D>& B,
+                  const ContactLaw& law, const Kinematics<D>& k, const FrictionTangent<D>& friction,
+                  const ClosedParticle<D, F>* small, MotionSums& sums) const;
+  void insert_motion(int facet, int target, const std::vector<PetscInt>& dofs,
+                     MotionSums& sums) const;
   Rates<D> rates(const State& s, const Sample& along, int beta) const;
   void node_dofs(const std::vector<std::int32_t>& nodes, const std::vector<PetscInt>& table,
                  std::vector<PetscInt>& dofs) const;
