@@ -33,7 +33,7 @@ help:
 	@echo "make test          C++ and Python tests, on 1, 2 and 3 MPI ranks"
 	@echo "make install       build, and install the Python package for $(PY)"
 	@echo "make sanitize      C++ tests with address and undefined-behaviour sanitizers"
-	@echo "make bench         what contact costs: C++ benchmarks, then beside a bulk in Python"
+	@echo "make bench         what contact costs and how it grows, beside the bulk and GetFEM; takes long"
 	@echo "make robustness    60 runs with default settings; writes docs/robustness.md"
 	@echo "make format        format C++ and Python; make check-format only checks"
 	@echo "make clean         remove $(BUILD)/"
@@ -95,10 +95,16 @@ sanitize: packages
 	cmake --build $(BUILD)/sanitize
 	cd $(BUILD)/sanitize && ASAN_OPTIONS=detect_leaks=0 ctest -E mpi_3 --output-on-failure --no-tests=error </dev/null
 
+# GetFEM is for the comparison only. About 25 minutes; rewrites docs/scaling.md and its picture.
+bench: PACKAGES += python3-getfem
 bench: install
 	cmake --build $(BUILD) --target contact_bench
 	$(BUILD)/contact_bench
-	$(PY) benchmarks/contact_cost.py
+	$(PY) benchmarks/scaling.py --check --output docs/scaling.md
+	$(PY) benchmarks/parallel.py --compare 2 --at-least 1.7
+	$(PY) benchmarks/parallel.py --compare 2 --unbalanced
+	$(PY) benchmarks/memory.py
+	$(PY) benchmarks/getfem_comparison.py
 	$(PY) benchmarks/junctions.py
 	$(PY) benchmarks/rules.py
 	$(PY) benchmarks/convergence.py

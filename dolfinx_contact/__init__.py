@@ -18,6 +18,7 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
 from . import infsup, meshes, plasticity, plot
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
+from .partition import repartition
 from .problem import ContactProblem
 from .quadrature import QuadratureLaw
 from .report import Report
@@ -81,4 +82,5 @@ __all__ = [
     "meshes",
     "plasticity",
     "plot",
+    "repartition",
 ]

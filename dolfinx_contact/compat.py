@@ -104,6 +104,7 @@ def create_mesh(
     cell: str,
     degree: int,
     ranks: npt.NDArray[np.int32] | None = None,
+    shared: npt.NDArray[np.int64] | None = None,
 ) -> _mesh.Mesh:
     """A mesh of Lagrange cells from distributed input. Collective.
 
@@ -113,7 +114,9 @@ def create_mesh(
         cell: name of the cell's shape
         degree: of the geometry
         ranks: the rank that shall own each of the given cells, shape (cells,), given by all ranks
-            or by none; no ghost cells are made. Without it DOLFINx's default partition.
+            or by none. Without it DOLFINx's default partition
+        shared: global numbers of entities of each cell, shape (cells, entities): a cell is a ghost
+            on all ranks with a cell that has one of these in common. None: no ghost cells
     """
     cells = np.ascontiguousarray(cells, dtype=np.int64)
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -122,7 +125,9 @@ def create_mesh(
     if ranks is not None:
         ranks = np.asarray(ranks, dtype=np.int32)
         offsets = np.arange(len(ranks) + 1, dtype=np.int32)
-        if _OLD:
+        if shared is not None:
+            ranks, offsets = _with_ghosts(comm, shared, ranks)
+        elif _OLD:
             # 0.5 learns from ghost cells alone which vertices the ranks share, and tears the mesh
             # apart where there are none; with GhostMode.none it drops the ghosts after that
             corners = _cpp.mesh.cell_num_vertices(_mesh.to_type(cell))
@@ -138,6 +143,43 @@ def create_mesh(
 
     element = basix.ufl.element("Lagrange", cell, degree, shape=(gdim,))
     return _mesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element), **options)
+
+
+def transfer_tags(
+    mesh: _mesh.Mesh,
+    dim: int,
+    entities: npt.NDArray[np.int64],
+    values: npt.NDArray[np.int32],
+) -> Any:
+    """Mesh tags from entities that any ranks give. Collective.
+
+    Args:
+        dim: dimension of the entities
+        entities: their geometry nodes in the numbering of the input of the mesh; (n, nodes)
+        values: tags; (n,)
+    """
+    entities = np.ascontiguousarray(entities, dtype=np.int64)
+    values = np.ascontiguousarray(values, dtype=np.int32)
+    vertices, found = _cpp.io.distribute_entity_data(cpp_object(mesh), dim, entities, values)
+    mesh.topology.create_entities(dim)
+    mesh.topology.create_connectivity(dim, 0)
+    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+    make = graph.create_adjacencylist if _OLD else graph.adjacencylist
+    tags = _mesh.meshtags_from_entities(mesh, dim, make(vertices), found)
+    # several ranks may have given the same entity
+    indices, first = np.unique(np.asarray(tags.indices), return_index=True)
+    return _mesh.meshtags(mesh, dim, indices, np.asarray(tags.values)[first])
+
+
+def global_facets(mesh: _mesh.Mesh) -> npt.NDArray[np.int64]:
+    """Global numbers of the facets of each owned cell; shape (cells, facets). Collective."""
+    tdim = mesh.topology.dim
+    mesh.topology.create_entities(tdim - 1)
+    links, offsets = _connectivity(mesh, tdim, tdim - 1)
+    numbers = global_indices(mesh.topology.index_map(tdim - 1))[links]
+    owned = mesh.topology.index_map(tdim).size_local
+    per_cell = offsets[1] - offsets[0] if len(offsets) > 1 else 1
+    return numbers.reshape(-1, per_cell)[:owned]
 
 
 def create_facet_mesh(
@@ -420,33 +462,43 @@ def _partitioner(ranks: npt.NDArray[np.int32], offsets: npt.NDArray[np.int32]) -
 
 
 def _with_ghosts(
-    comm: MPI.Comm, cells: npt.NDArray[np.int64], ranks: npt.NDArray[np.int32]
+    comm: MPI.Comm, entities: npt.NDArray[np.int64], ranks: npt.NDArray[np.int32]
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """For each cell its owner, then all other ranks with a cell that has a vertex in common.
+    """For each cell its owner, then all other ranks with a cell that has an entity in common.
 
-    The rank with number vertex mod size collects who has the vertex, and answers. Collective.
+    The rank with number entity mod size collects who has the entity, and answers. Collective.
 
     Args:
-        cells: global vertices; shape (cells, vertices)
+        entities: global numbers of each cell's vertices or facets; shape (cells, entities)
         ranks: owners; shape (cells,)
 
     Returns:
         ranks, and offsets of each cell's row among them; shape (cells + 1,)
     """
-    pairs = np.stack([cells.ravel(), np.repeat(ranks, cells.shape[1]).astype(np.int64)], axis=1)
+    n, width = entities.shape
+    pairs = np.stack([entities.ravel(), np.repeat(ranks, width).astype(np.int64)], axis=1)
     pairs = np.unique(pairs, axis=0)
     asked = comm.alltoall([pairs[pairs[:, 0] % comm.size == p] for p in range(comm.size)])
     known = np.unique(np.concatenate(asked), axis=0)
-    vertices, counts = np.unique(known[:, 0], return_counts=True)
-    shared = known[np.isin(known[:, 0], vertices[counts > 1])]
-    answers = comm.alltoall([shared[np.isin(shared[:, 0], a[:, 0])] for a in asked])
-    sharing: dict[int, set[int]] = {}
-    for vertex, rank in np.concatenate(answers).tolist():
-        sharing.setdefault(vertex, set()).add(rank)
-    rows = []
-    for cell, rank in zip(cells.tolist(), ranks.tolist()):
-        others = set().union(*(sharing.get(vertex, ()) for vertex in cell))
-        rows.append([rank, *sorted(others - {rank})])
-    offsets = np.cumsum([0] + [len(row) for row in rows])
-    flat = [rank for row in rows for rank in row]
-    return np.array(flat, dtype=np.int32), offsets.astype(np.int32)
+    numbers, counts = np.unique(known[:, 0], return_counts=True)
+    several = known[np.isin(known[:, 0], numbers[counts > 1])]
+    answers = comm.alltoall([several[np.isin(several[:, 0], a[:, 0])] for a in asked])
+    sharing = np.unique(np.concatenate(answers), axis=0)
+
+    # join of (cell, entity) and (entity, rank)
+    first, last = (
+        np.searchsorted(sharing[:, 0], entities.ravel(), side) for side in ("left", "right")
+    )
+    hits = last - first
+    cells = np.repeat(np.repeat(np.arange(n), width), hits)
+    place = np.arange(len(cells)) - np.repeat(np.cumsum(hits) - hits, hits)
+    other = sharing[np.repeat(first, hits) + place, 1]
+    ghost = other != ranks[cells]
+    cell_rank = np.unique(np.stack([cells[ghost], other[ghost]], axis=1), axis=0)
+
+    # the owner first
+    rows = np.concatenate([np.arange(n), cell_rank[:, 0]])
+    order = np.argsort(rows, kind="stable")
+    flat = np.concatenate([ranks, cell_rank[:, 1].astype(np.int32)])[order]
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
+    return flat.astype(np.int32), offsets.astype(np.int32)

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from . import _cpp, compat
+from . import _cpp, compat, events
 from .errors import ContactError, together
+from .exchange import Exchange
 from .friction import FrictionUnknowns
 from .held import agreed, excluded, local_dofs
 from .layout import Layout
@@ -85,6 +85,7 @@ class PairAssembly:
 
     Attributes:
         touches: with friction, whether there were particles in contact as the step began
+        master: C++ surface of the master facets that are here
         tool_of_piece: number of the tool of each piece, and −1 at the end
     """
 
@@ -102,7 +103,6 @@ class PairAssembly:
         self._comm, self._shape = pair.comm, getattr(_cpp.Shape, pair.slave.shape)
         self._slave_block, self._master_block = slave, master
         self.multiplier_block, self.friction_block = multiplier, friction
-        self._changed_since = np.inf  # how far nodes moved since the last exchange
 
         own = _cpp_surface(pair.slave)
         ringed = _cpp.with_ring(self._comm.py2f(), own)
@@ -111,20 +111,25 @@ class PairAssembly:
         slave_dofs = layout.node_dofs(slave, ringed.node_table, held)
         self._own, self._ringed_slave = own, ringed
 
-        sizes = own.diameters()
+        self._facets: Exchange | None = None
         if not pair.tools:
             master_own = _cpp_surface(pair.master)
-            self._num_own = len(master_own)
             self._ringed = _cpp.with_ring(self._comm.py2f(), master_own)
             self._ringed_values = NodeValues(pair.master.u, self._ringed.node_table)
             self._held_master = layout.held_vector(master)
-            sizes = np.concatenate([sizes, master_own.diameters()])
             self._radius = self._search_radius(own, master_own)
+            self._facets = Exchange(
+                self._comm,
+                ringed,
+                len(own),
+                self._ringed,
+                len(master_own),
+                self._radius,
+                pair.target.end_tolerance,
+                pair.integration.refined,
+            )
         else:
             self._radius = self._search_radius(own)
-        largest = self._comm.allreduce(float(sizes.max(initial=0.0)), op=MPI.MAX)
-        # exchanged facets stay sufficient while surfaces move by less than half the margin
-        self._margin = max(largest, 0.1 * self._radius)
 
         self._multiplier_nodes = local_dofs(pair, pair._multiplier, len(pair._psi[2]))
         with together(self._comm, "contact set-up"):
@@ -248,7 +253,7 @@ class PairAssembly:
         slave, master = self._old
         if self.pair.tools:
             self.assembler.remember(self._slave_values(slave), np.zeros(0))
-        elif np.isfinite(self._changed_since):  # there are master facets
+        elif self._facets.fetched:
             self.assembler.remember(self._slave_values(slave), self._master_values(master))
 
     def begin_step(self) -> None:
@@ -283,8 +288,15 @@ class PairAssembly:
         Needs the surfaces in place, thus one call of ``update`` before. Collective.
         """
         pair = self.pair
-        with together(self._comm, "contact set-up"):
-            found, normal, free = self.assembler.nodes()
+        while True:
+            with together(self._comm, "contact set-up"):
+                found, normal, free, decided = self.assembler.nodes()
+            decided = decided.max(axis=1, initial=0.0)
+            lacking = self._facets is not None and self._facets.lacking(decided).any()
+            if not self._comm.allreduce(bool(lacking), op=MPI.LOR):
+                break
+            self._widen(decided)
+            self._search(again=True)  # all are settled: this places the new facets
         nl = len(pair._psi[2])
         moves = (np.abs(normal) > 1e-8) & free
         fixed = found[:, :nl] & ~moves[:, :nl].any(axis=2)
@@ -347,54 +359,76 @@ class PairAssembly:
                     "the displacement of a contact surface is not finite (nan or inf); give u and"
                     " the Dirichlet conditions finite values before solve()"
                 )
-        if not self.pair.tools:
-            self._exchange(slave, ringed)
-            master = self._master_values(master_u)
-        else:
-            master, old = np.zeros(0), self._old_motions
+        self._place = slave, ringed, master_u, close
+        if self.pair.tools:
+            old = self._old_motions
             for piece, now in enumerate(old if at_rest else self._motions()):
                 self._tool.move(piece, now, old[piece])
+        else:
+            self._exchange(slave, ringed)
+        changes = self._search(again=False)
+        while changes[3] > 0:
+            self._widen(self.assembler.decided())
+            more = self._search(again=True)
+            changes = np.array([*(changes + more)[:3], more[3]])
+        return changes[:3]
+
+    def _search(self, again: bool) -> npt.NDArray[np.int64]:
+        """Search and decide where the last update has placed the surfaces; see Assembler.update.
+        Collective.
+
+        Returns:
+            changes as of ``update``, and the number of ranks with particles that are not settled
+        """
+        slave, _, master_u, close = self._place
+        master = np.zeros(0) if self.pair.tools else self._master_values(master_u)
         friction = self.pair._semi_multiplier
-        changes = [0, 0, 0]
+        found = np.zeros(4, dtype=np.int64)
         with together(self._comm, "contact search"):
-            changes = self.assembler.update(
+            found[:3] = self.assembler.update(
                 slave,
                 master,
                 self.pair._multiplier.x.array,
                 float(close),
                 # before the first tangents there are none
                 np.zeros(0) if friction is None or not self._has_tangents else friction.x.array,
+                again,
             )
-        return self._comm.allreduce(np.array(changes))
+            if self._facets is not None:
+                found[3] = self._facets.lacking(self.assembler.decided()).any()
+        self._comm.Allreduce(MPI.IN_PLACE, found)
+        return found
 
     @property
     def _has_tangents(self) -> bool:
         return self._friction is not None and self._friction.tangents is not None
 
     def _exchange(self, slave: npt.NDArray[Any], ringed: npt.NDArray[Any]) -> None:
-        """Fetch the master's facets near this rank's slave facets, if anything has moved far."""
-        if np.isfinite(self._changed_since):
-            moved = [np.abs(slave - self._at[0]), np.abs(ringed - self._at[1]), [0.0]]
-            self._changed_since = max(float(np.max(part, initial=0.0)) for part in moved)
-        farthest = self._comm.allreduce(self._changed_since, op=MPI.MAX)
-        if farthest * np.sqrt(self.pair.slave.dim) <= 0.5 * self._margin:
-            return
-        with together(self._comm, "contact exchange"):
-            self._ringed_slave.displace(slave)
-            self._ringed.displace(ringed)
-        master = _cpp.with_targets(
-            self._comm.py2f(),
-            self._ringed,
-            self._num_own,
-            self._ringed_slave.boxes()[: len(self._own)],
-            self._radius + self._margin,
-        )
+        """Fetch the master's facets near this rank's slave facets, if anything has moved far.
+        Collective."""
+        if self._facets.moved_far(slave, ringed):
+            decided = self.assembler.decided() if self._facets.fetched else np.zeros(0)
+            with events.EXCHANGE:
+                self._hold(self._facets.fetch(slave, ringed, decided))
+
+    def _widen(self, decided: npt.NDArray[np.float64]) -> None:
+        """Fetch more facets where a search is not settled. Collective.
+
+        Args:
+            decided: how far away the search of each own slave facet was decided, (facets,)
+        """
+        slave, ringed = self._place[:2]
+        with events.EXCHANGE:
+            self._hold(self._facets.widen(slave, ringed, decided))
+
+    def _hold(self, master: Any) -> None:
+        """Give the assembler other master facets. Collective."""
+        self.master = master
         self._master_values = NodeValues(self.pair.master.u, master.node_table)
         held = self._master_values(self._held_master)
         dofs = self._layout.node_dofs(self._master_block, master.node_table, held)
         with together(self._comm, "contact exchange"):
-            self.assembler.set_master(master, dofs)
-        self._at, self._changed_since = (slave, ringed), 0.0
+            self.assembler.set_master(master, dofs, self._facets.told())
         self._tell_old()
 
     # -- scale ----------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.algorithms import expand_derivatives
 
-from . import _cpp, compat
+from . import _cpp, compat, events
 from .bodies import Bodies
 from .contact import PairAssembly
 from .driven import DrivenTools, driven_tools
@@ -142,7 +142,8 @@ class System:
     def _update_materials(self, again: bool = False) -> None:
         """Stresses and tangents for the Functions' present values. Collective."""
         for material in self.materials:
-            material.update(again)
+            with events.MATERIAL:
+                material.update(again)
 
     # -- residual -------------------------------------------------------------------------------
 
@@ -161,7 +162,8 @@ class System:
         lift = any(self._violates_bcs(u) for u in self.u)
         lift = self.comm.allreduce(lift, op=MPI.LOR)
         self._force = 0.0
-        parts = [self._bulk_residual(row, lift) for row in range(len(self.u))]
+        with events.BULK_RESIDUAL:
+            parts = [self._bulk_residual(row, lift) for row in range(len(self.u))]
         if self._first_force < 0:
             self._first_force = self._force
         self.reference_force = max(self._first_force, self._force)
@@ -236,15 +238,19 @@ class System:
         """
         holds = all(contact.assembler.pattern_holds() for contact in self.contacts)
         if not self.comm.allreduce(holds, op=MPI.LAND):
-            self._allocate(A)
+            with events.ALLOCATE:
+                self._allocate(A)
         self.write(x)
         self._update_materials()
         A.zeroEntries()
-        self._add_bulk(A, self.bcs)
-        self._scale_bulk(A)
+        with events.BULK_JACOBIAN:
+            self._add_bulk(A, self.bcs)
+            A.assemble()  # contact adds to its arrays
+            self._scale_bulk(A)
         with together(self.comm, "contact tangent"):
             for contact in self.contacts:
                 contact.assembler.tangent(A.handle)
+            for contact in self.contacts:
                 _add_diagonal(A, contact.held_rows(), 1.0)
         self.driven.tangent(A, self.contacts)
         A.assemble()
@@ -260,10 +266,9 @@ class System:
             _add_diagonal(A, self.layout.held_rows(), 1.0)
 
     def _scale_bulk(self, A: Any) -> None:
-        """Multiply the bulk's blocks by the scales of their rows and unknowns. Collective."""
+        """Multiply the assembled bulk's blocks by the scales of rows and unknowns. Collective."""
         if len(self._displacements) == len(self.u):
             return
-        A.assemble()
         left, right = A.createVecs()
         for vector, scale in ((left, self._row_scale), (right, self.scale)):
             vector.set(1.0)
@@ -415,7 +420,8 @@ class System:
         self.A = PETSc.Mat().create(self.comm)
         self.A.setSizes(((n, None), (n, None)))
         self.A.setType("aij")
-        self._allocate(self.A)
+        with events.ALLOCATE:
+            self._allocate(self.A)
         # of the bulk: _allocate has added nothing else
         diagonal = self.A.getDiagonal().array.copy()
         present = [[a is not None for a in row] for row in self._J]

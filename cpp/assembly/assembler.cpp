@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "assembler.h"
 
+#include "events.h"
+
 #include <algorithm>
 #include <stdexcept>
 
@@ -53,7 +55,10 @@ void Assembler<D>::set_friction(FrictionSpace<D> friction)
                      [&](std::int32_t a) { return a < 0 or (a + 1) * Q > friction.dofs.size(); }))
     throw std::invalid_argument("Assembler: tables of the friction space do not match");
   if (friction.dofs != _friction.dofs) // other rows than before: the matrix has no place for them
+  {
     _pattern.clear();
+    _adder.forget();
+  }
   _friction = std::move(friction);
   for (std::size_t p = 0; p < _samples.size(); ++p)
     tabulate(&_particles.rule.points[p * Q], _samples[p]);
@@ -86,25 +91,38 @@ void Assembler<D>::set_law(const ContactLaw& law, const Scales& scale)
 template <int D>
 void Assembler<D>::carry_over(std::vector<State>& states, const Surface& master) const
 {
+  auto find = [&](std::int64_t id)
+  {
+    const auto it = std::lower_bound(master.id.begin(), master.id.end(), id);
+    return it != master.id.end() and *it == id ? static_cast<int>(it - master.id.begin()) : -1;
+  };
   for (State& s : states)
-    if (s.target.facet >= 0)
+  {
+    if (s.target.facet >= 0 or s.away >= 0)
     {
-      const std::int64_t id = _master.id[s.target.facet];
-      const auto it = std::lower_bound(master.id.begin(), master.id.end(), id);
-      const int f = static_cast<int>(it - master.id.begin());
-      s.target.facet = it != master.id.end() and *it == id and master.candidate[f] ? f : -1;
+      const std::int64_t id = s.target.facet >= 0 ? _master.id[s.target.facet] : s.away;
+      const int f = find(id);
+      s.target.facet = f >= 0 and master.candidate[f] ? f : -1;
+      s.away = s.target.facet >= 0 ? -1 : id; // it may come back
     }
+    if (s.cell >= 0)
+      s.cell = find(_master.id[s.cell]);
+  }
 }
 
 template <int D>
-void Assembler<D>::set_master(Surface master, std::vector<PetscInt> dofs)
+void Assembler<D>::set_master(Surface master, std::vector<PetscInt> dofs, std::vector<double> reach)
 {
   if (dofs.size() != master.node_table.size() * D)
     throw std::invalid_argument("Assembler: master_dofs must have one row for each node");
+  if (not reach.empty() and std::ssize(reach) != _own)
+    throw std::invalid_argument("Assembler: one reach for each own facet is needed");
+  _reach = std::move(reach);
   for (Cloud* cloud : {&_now, &_accepted, &_marked})
     carry_over(cloud->states, master);
   _master = std::move(master);
   _master_dofs = std::move(dofs);
+  _adder.forget();
   _search = Search<D>(_master, _options.search);
   if (interpolated())
     _normals = NodalNormals<D>(_master, _options.crease);
@@ -118,6 +136,7 @@ void Assembler<D>::set_tool(std::shared_ptr<const RigidTool<D>> tool, std::vecto
     throw std::invalid_argument("Assembler: one dof for each component of a piece is needed");
   _tool = std::move(tool);
   const bool driven = std::any_of(dofs.begin(), dofs.end(), [](PetscInt d) { return d >= 0; });
+  _adder.forget();
   _tool_dofs = driven ? std::move(dofs) : std::vector<PetscInt>();
 }
 
@@ -231,8 +250,18 @@ Vector<D> Assembler<D>::target_point(const State& s) const
 }
 
 template <int D>
-Changes Assembler<D>::update(const Unknowns& u, double close)
+std::vector<double> Assembler<D>::decided() const
 {
+  std::vector<double> out(_own, 0.0);
+  for (const State& s : _now.states)
+    out[s.facet] = std::max(out[s.facet], s.target.decided);
+  return out;
+}
+
+template <int D>
+Changes Assembler<D>::update(const Unknowns& u, double close, bool again)
+{
+  const Logged logged(Event::search);
   if (u.lambda.size() != _multiplier_dofs.size() or u.Lambda.size() != _friction.dofs.size())
     throw std::invalid_argument("Assembler.update: one value for each local multiplier is needed");
   _slave.displace(u.slave);
@@ -251,7 +280,7 @@ Changes Assembler<D>::update(const Unknowns& u, double close)
   {
     _lambda.assign(u.lambda.begin(), u.lambda.end());
     _Lambda.assign(u.Lambda.begin(), u.Lambda.end());
-    if (not _frozen.geometry)
+    if (not _frozen.geometry and not again)
       refine();
   }
 
@@ -264,6 +293,8 @@ Changes Assembler<D>::update(const Unknowns& u, double close)
     for (int p = _now.offset[f]; p < _now.offset[f + 1]; ++p)
     {
       State& s = _now.states[p];
+      if (again and s.settled)
+        continue;
       const Sample& here = sample(s, buffer);
       s.lambda = 0;
       for (int a = 0; a < nl; ++a)
@@ -279,7 +310,18 @@ Changes Assembler<D>::update(const Unknowns& u, double close)
       if (_frozen.geometry)
         stay(here.position, s);
       else
+      {
+        Target<D> former = s.target;
         seek(seeker(f, here.position, s.xi.data(), _now.offset[f] - p - 1), s);
+        s.settled = _tool or s.target.decided <= reach(f);
+        if (not s.settled) // it is as if it had not been looked for
+        {
+          former.decided = s.target.decided;
+          s.target = former;
+          continue;
+        }
+        s.away = -1;
+      }
       const bool was = s.closed;
       s.closed
           = std::isfinite(s.gap)
@@ -366,7 +408,10 @@ void Assembler<D>::set_multiplier_dofs(std::vector<PetscInt> dofs)
   if (dofs.size() != _multiplier_dofs.size())
     throw std::invalid_argument("Assembler: one dof for each local multiplier is needed");
   if (dofs != _multiplier_dofs)
+  {
     _pattern.clear();
+    _adder.forget();
+  }
   _multiplier_dofs = std::move(dofs);
 }
 
@@ -395,6 +440,7 @@ auto Assembler<D>::nodes() const -> std::vector<Node>
       seek(seeker(f, b, xi, a), there);
       Node node;
       node.has_target = there.target.facet >= 0;
+      node.decided = there.target.decided;
       node.n = there.n;
       may_move(_slave, f, _slave_dofs, xi, node.free_to_move);
       if (node.has_target and not _tool)

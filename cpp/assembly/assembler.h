@@ -4,6 +4,7 @@
 #include "../integration/segments.h"
 #include "../mechanics/coupling.h"
 #include "../targets/rigid_tool.h"
+#include "block_adder.h"
 
 #include <array>
 #include <optional>
@@ -107,7 +108,9 @@ public:
 
   /// New master facets after an exchange; targets are carried over by their global numbers.
   /// @param dofs system dofs of its node table, (nodes, D), −1 if held
-  void set_master(Surface master, std::vector<PetscInt> dofs);
+  /// @param reach all master facets within this distance of a slave facet are among these, for each
+  /// of the own ones; infinite: all within the search radius. None: everywhere infinite
+  void set_master(Surface master, std::vector<PetscInt> dofs, std::vector<double> reach = {});
 
   /// A rigid tool for the master; the caller may move it later.
   /// @param dofs system dofs of its pieces' translations, (pieces, D), −1 if prescribed
@@ -125,7 +128,13 @@ public:
   /// Move both surfaces, search all targets and decide all statuses.
   /// @param close open particles with d_n > −close × facet diameter count as closed ("initial
   /// contact"); negative: none
-  Changes update(const Unknowns& u, double close);
+  /// @param again only particles that are not settled, after `set_master` has brought more facets
+  Changes update(const Unknowns& u, double close, bool again = false);
+
+  /// For each own facet how far away the last search of its particles was decided; infinite if one
+  /// has found nothing. Where it exceeds the reach some particles are not settled: facets that are
+  /// not here may be nearer, and the particles have kept the status they had before.
+  std::vector<double> decided() const;
 
   /// Freeze some things as the last `update` left them, and let go of the others.
   void freeze(Frozen frozen);
@@ -137,7 +146,8 @@ public:
   /// Add (F1)–(F3) to a vector of the system (VecSetValues; the caller assembles it).
   void residual(::Vec b) const;
 
-  /// Add (F9) and (F13) to a matrix of the system (MatSetValues; the caller assembles it).
+  /// Add (F9) and (F13) to a matrix of the system (BlockAdder; the caller assembles it, if it can
+  /// also before).
   void tangent(Mat A) const;
 
   /// Insert zeros wherever particles may couple: their targets and the neighbours of these.
@@ -151,6 +161,7 @@ public:
   struct Node
   {
     bool has_target = false;
+    double decided = 0;              ///< see `decided`
     Vector<D> n = Vector<D>::Zero(); ///< normal at its target
     /// Component i of the slave or of its target is free. (A tool does not count, though a force
     /// may drive it: two held nodes on one tool would be dependent.)
@@ -183,6 +194,8 @@ public:
     double weight = 0;                        ///< its part of the reference measure
     int cell = -1; ///< if the particles move: the master facet its cell lies on, or −1
     Target<D> target;
+    std::int64_t away = -1;               ///< id of its last target if that is not held here
+    bool settled = true;                  ///< no facet held elsewhere can be its target
     int piece = -1;                       ///< of the tool that the target is on
     double lambda = 0;                    ///< multiplier, negative in compression
     double gap = -INFINITY;               ///< d_n, negative if open; −∞ without a target
@@ -288,10 +301,16 @@ private:
     }
   };
 
+  /// Work space of a loop over pairs.
+  struct Groups
+  {
+    std::vector<std::array<int, 2>> order; // target, particle
+    std::vector<int> particles;
+  };
   template <typename Visit>
-  void for_each_pair(int facet, Visit visit) const;
-  CouplingBasis<D> basis(const State& s, const Sample& sample,
-                         std::vector<Vector<D>>& tangent) const;
+  void for_each_pair(int facet, Groups& work, Visit visit) const;
+  const Vector<D>* tangents(int facet, std::vector<Vector<D>>& out) const;
+  CouplingBasis<D> basis(const Sample& sample, const Vector<D>* tangents) const;
   void lay_out();
   CellPoints<D> cells(int facet, bool motion) const;
   void refine();
@@ -308,6 +327,7 @@ private:
   void seek(const Seeker<D>& seeker, State& s) const;
   void stay(const BasisValues& position, State& s) const;
   double near(int facet, double close) const;
+  double reach(int facet) const { return _reach.empty() ? INFINITY : _reach[facet]; }
   Vector<D> slip(const State& s, const BasisValues& position) const;
   int target_of(const State& s) const
   {
@@ -324,17 +344,29 @@ private:
   const NodalNormals<D>* normals() const { return interpolated() ? &_normals : nullptr; }
 
   struct FieldSums;
+  /// Kinds of blocks of a pair (BlockAdder::Name), by their columns; the last with a master facet's
+  /// number added.
+  enum
+  {
+    all_unknowns,
+    master_ring,
+    slave_ring,
+    slave_corners,
+    master_corners
+  };
   template <bool F>
-  void tangent(Mat A) const;
+  void add_tangent() const;
   template <bool F>
-  void motion_tangent(Mat A, int facet, std::span<const int> particles,
-                      const std::vector<PetscInt>& dofs, const CellPoints<D>& cells) const;
+  void motion_tangent(int facet, int target, std::span<const int> particles,
+                      const Vector<D>* tangents, const std::vector<PetscInt>& dofs,
+                      const CellPoints<D>& cells) const;
   Rates<D> rates(const State& s, const Sample& along, int beta) const;
   void node_dofs(const std::vector<std::int32_t>& nodes, const std::vector<PetscInt>& table,
                  std::vector<PetscInt>& dofs) const;
   void carry_over(std::vector<State>& states, const Surface& master) const;
 
   Surface _slave, _master;
+  std::vector<double> _reach; // of each own facet, none: infinite
   int _own;
   std::shared_ptr<const RigidTool<D>> _tool;
   std::vector<PetscInt> _tool_dofs; // none if no force drives the tool
@@ -350,6 +382,7 @@ private:
   NodalNormals<D> _normals, _slave_normals; // of the master if interpolated, of the slave
   NodalNormals<D> _first_normals;           // of the slave as the step began
   Cloud _now, _accepted, _marked;
+  mutable BlockAdder _adder;            // keeps the places of the blocks
   std::vector<double> _lambda, _Lambda; // multipliers of the last update, if the particles move
   double _dissipated = 0;
   std::vector<std::int32_t> _near_offset,

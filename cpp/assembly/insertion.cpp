@@ -2,6 +2,7 @@
 //
 // What an Assembler writes into PETSc's vectors and matrices.
 #include "assembler.h"
+#include "events.h"
 #include "petsc_check.h"
 
 #include <algorithm>
@@ -21,11 +22,22 @@ const BasisValues& rigid_basis()
 }
 } // namespace
 
+// t_aα of the friction's nodes of a facet, null without friction.
 template <int D>
-CouplingBasis<D> Assembler<D>::basis(const State& s, const Sample& sample,
-                                     std::vector<Vector<D>>& tangent) const
+const Vector<D>* Assembler<D>::tangents(int facet, std::vector<Vector<D>>& out) const
 {
   constexpr int Q = D - 1;
+  const int nf = _friction.nodes();
+  out.resize(nf * Q);
+  for (int a = 0; a < nf; ++a)
+    for (int i = 0; i < Q; ++i)
+      out[a * Q + i] = _friction.tangent[_friction.local[facet * nf + a] * Q + i];
+  return nf > 0 ? out.data() : nullptr;
+}
+
+template <int D>
+CouplingBasis<D> Assembler<D>::basis(const Sample& sample, const Vector<D>* tangents) const
+{
   CouplingBasis<D> b;
   b.N = sample.displacement.N;
   b.slave = _slave.nu();
@@ -35,11 +47,7 @@ CouplingBasis<D> Assembler<D>::basis(const State& s, const Sample& sample,
   if (b.friction > 0)
   {
     b.phi = sample.phi.data();
-    tangent.clear();
-    for (int a = 0; a < b.friction; ++a)
-      for (int i = 0; i < Q; ++i)
-        tangent.push_back(_friction.tangent[_friction.local[s.facet * b.friction + a] * Q + i]);
-    b.tangent = tangent.data();
+    b.tangent = tangents;
   }
   return b;
 }
@@ -76,34 +84,41 @@ void Assembler<D>::dofs_of(int facet, int target, std::vector<PetscInt>& dofs) c
 // master.
 template <int D>
 template <typename Visit>
-void Assembler<D>::for_each_pair(int facet, Visit visit) const
+void Assembler<D>::for_each_pair(int facet, Groups& work, Visit visit) const
 {
   const std::span<const State> states = _now.of(facet);
   const int np = static_cast<int>(states.size());
-  auto target = [&](int p) { return target_of(states[p]); };
-  std::vector<int> order(np);
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(),
-            [&](int a, int b) { return std::pair(target(a), a) < std::pair(target(b), b); });
+  auto& order = work.order;
+  order.resize(np);
+  work.particles.resize(np);
+  for (int p = 0; p < np; ++p)
+    order[p] = {target_of(states[p]), p};
+  std::sort(order.begin(), order.end());
+  for (int p = 0; p < np; ++p)
+    work.particles[p] = order[p][1];
   for (int begin = 0, end; begin < np; begin = end)
   {
-    for (end = begin; end < np and target(order[end]) == target(order[begin]);)
+    for (end = begin; end < np and order[end][0] == order[begin][0];)
       ++end;
-    visit(target(order[begin]), std::span(order).subspan(begin, end - begin));
+    visit(order[begin][0], std::span<const int>(work.particles).subspan(begin, end - begin));
   }
 }
 
 template <int D>
 void Assembler<D>::residual(::Vec b) const
 {
+  const Logged logged(Event::residual);
   check(VecSetOption(b, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE), "VecSetOption");
   Sample buffer;
+  Groups work;
   std::vector<PetscInt> dofs;
-  std::vector<Vector<D>> tangent;
+  std::vector<Vector<D>> tangents;
   PairVector<D> block;
   BasisValues M;
   for (int f = 0; f < _own; ++f)
-    for_each_pair(f,
+  {
+    const Vector<D>* const tangent = this->tangents(f, tangents);
+    for_each_pair(f, work,
                   [&](int target, std::span<const int> particles)
                   {
                     dofs_of(f, target, dofs);
@@ -111,7 +126,7 @@ void Assembler<D>::residual(::Vec b) const
                     for (int p : particles)
                     {
                       const State& s = _now.of(f)[p];
-                      CouplingBasis<D> B = basis(s, sample(s, buffer), tangent);
+                      CouplingBasis<D> B = basis(sample(s, buffer), tangent);
                       if (target >= 0 and not _tool)
                       {
                         _master.ref.displacement.tabulate(s.target.xi.data(), M);
@@ -129,43 +144,38 @@ void Assembler<D>::residual(::Vec b) const
                     check(VecSetValues(b, dofs.size(), dofs.data(), block.data(), ADD_VALUES),
                           "VecSetValues");
                   });
+  }
 }
 
-// Columns of a pair's tangent that stand for the nodal normals n_A at the corners of a facet (F8'):
-// one (unknowns, D) block for each. They are summed over the particles of the pair, and multiplied
-// by ∂n_A/∂u once.
+// Columns of a pair's tangent that stand for the nodal normals n_A at the corners of a facet (F8').
+// They are summed over the particles of the pair, and multiplied by ∂n_A/∂u once.
 template <int D>
 struct Assembler<D>::FieldSums
 {
-  std::array<FieldColumns<D>, 4> corner;
-  std::unordered_map<int, NormalDerivative<D>> derivatives; // of the facets met so far
+  const Surface& surface;
+  const NodalNormals<D>& normals;
+  CornerColumns<D> columns;
+  std::vector<int> known; // of each facet: its place in `derivatives`, or −1
+  std::vector<NormalDerivative<D>> derivatives; // of the facets met so far
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values;
 
-  void reset(const Surface& s, std::size_t size)
+  FieldSums(const Surface& s, const NodalNormals<D>& n, bool used)
+      : surface(s)
+      , normals(n)
+      , known(used ? s.size() : 0, -1)
   {
-    for (int c = 0; c < s.nv(); ++c)
-      corner[c].setZero(size, D);
-  }
-
-  // columns: for M = Σ_A N_A n_A at ξ
-  void add(const Surface& s, const double* xi, const FieldColumns<D>& columns)
-  {
-    double N[4], dN[2][4];
-    corner_basis(s.ref.shape, xi, N, dN);
-    for (int c = 0; c < s.nv(); ++c)
-      corner[c] += N[c] * columns;
   }
 
   // Σ_A columns_A ∂n_A/∂u in `values`, and the nodes that its columns stand for
-  const std::vector<std::int32_t>& finish(const Surface& s, const NodalNormals<D>& normals, int f)
+  const std::vector<std::int32_t>& finish(int f)
   {
-    auto it = derivatives.find(f);
-    if (it == derivatives.end())
-      it = derivatives.emplace(f, normals.derivative(s, f)).first;
-    const NormalDerivative<D>& d = it->second;
-    values.noalias() = corner[0] * d.dn[0];
-    for (int c = 1; c < s.nv(); ++c)
-      values.noalias() += corner[c] * d.dn[c];
+    if (known[f] < 0)
+    {
+      known[f] = static_cast<int>(derivatives.size());
+      derivatives.push_back(normals.derivative(surface, f));
+    }
+    const NormalDerivative<D>& d = derivatives[known[f]];
+    values.noalias() = columns * d.dn;
     return d.nodes;
   }
 };
@@ -173,114 +183,127 @@ struct Assembler<D>::FieldSums
 template <int D>
 void Assembler<D>::tangent(Mat A) const
 {
-  if (_friction.nodes() > 0)
-    tangent<true>(A);
-  else
-    tangent<false>(A);
+  const Logged logged(Event::tangent);
+  _adder.open(A);
+  try
+  {
+    if (_friction.nodes() > 0)
+      add_tangent<true>();
+    else
+      add_tangent<false>();
+  }
+  catch (...)
+  {
+    _adder.close();
+    throw;
+  }
+  _adder.close();
 }
 
 template <int D>
 template <bool F>
-void Assembler<D>::tangent(Mat A) const
+void Assembler<D>::add_tangent() const
 {
   const int Q = D - 1;
   const bool moves = not _tool and not _frozen.geometry;
   const bool field = interpolated() and moves, turns = turns_smoothly() and moves;
+  Groups work;
   std::vector<PetscInt> dofs, ring;
   std::vector<Vector<D>> tangents;
   PairMatrix<D> block;
   BasisValues P, M;
   Sample buffer;
   const bool same = _tool or _master.ref.isoparametric();
-  FieldSums of_master, of_slave;
-  auto insert = [&](const std::vector<PetscInt>& columns, const double* values)
-  {
-    check(MatSetValues(A, dofs.size(), dofs.data(), columns.size(), columns.data(), values,
-                       ADD_VALUES),
-          "MatSetValues (contact tangent)");
-  };
+  FieldSums of_master(_master, _normals, field), of_slave(_slave, _slave_normals, turns);
+  FrictionTangent<D> friction{Friction<D>()};
   CellPoints<D> cells;
   for (int f = 0; f < _own; ++f)
   {
     if (_particles.refined and moves)
       cells = this->cells(f, true);
-    for_each_pair(
-        f,
-        [&](int target, std::span<const int> particles)
+    const Vector<D>* const tangent = this->tangents(f, tangents);
+    auto add_pair = [&](int target, std::span<const int> particles)
+    {
+      dofs_of(f, target, dofs);
+      block.setZero(dofs.size(), dofs.size());
+      if (field and target >= 0)
+        of_master.columns.setZero(dofs.size(), _master.nv() * D);
+      if (turns and target >= 0)
+        of_slave.columns.setZero(dofs.size(), _slave.nv() * D);
+      for (int p : particles)
+      {
+        const State& s = _now.of(f)[p];
+        const Sample& here = sample(s, buffer);
+        const double w = s.weight;
+        const ContactLaw law = this->law(s);
+        CouplingBasis<D> B = basis(here, tangent);
+        if (target < 0)
         {
-          dofs_of(f, target, dofs);
-          block.setZero(dofs.size(), dofs.size());
-          if (field and target >= 0)
-            of_master.reset(_master, dofs.size());
-          if (turns and target >= 0)
-            of_slave.reset(_slave, dofs.size());
-          for (int p : particles)
+          add_open_tangent<D>(B, law, w, _options.scale, block);
+          continue;
+        }
+        if (not _tool)
+        {
+          _master.ref.position.tabulate(s.target.xi.data(), P, true);
+          if (not same)
+            _master.ref.displacement.tabulate(s.target.xi.data(), M);
+          B.M = same ? &P : &M;
+          B.master = _master.nu();
+        }
+        else if (not _tool_dofs.empty())
+        {
+          B.M = &rigid_basis();
+          B.master = 1;
+        }
+        const Kinematics<D> k = kinematics(s, here.position, P);
+        if constexpr (F)
+          friction = FrictionTangent<D>(s.friction);
+        add_closed_tangent<D, F>(B, law, s.lambda, k, friction, w, _options.scale, block);
+        double N[4], dN[2][4];
+        if (field)
+        {
+          corner_basis(_master.ref.shape, s.target.xi.data(), N, dN);
+          add_corner_columns<D, F>(B, law, s.lambda, k, k.m, friction, w, _options.scale,
+                                   Eigen::Matrix<double, D, D>::Identity(), N, of_master.columns);
+        }
+        if (turns)
+        {
+          // e = −M/‖M‖ with the slave's M
+          const InterpolatedNormal<D> nbar(_slave_normals.at(_slave, f, s.xi.data()));
+          corner_basis(_slave.ref.shape, s.xi.data(), N, dN);
+          add_corner_columns<D, F>(B, law, s.lambda, k, k.e, friction, w, _options.scale,
+                                   -nbar.of_m, N, of_slave.columns);
+        }
+        else if (_options.rules.turning and moves)
+        {
+          // the slave facet's own normal: δe = Σ_α (∂e/∂τ_α) ∂_α δu¹
+          const FacetPoint<D> own
+              = evaluate<D>(_slave.facet_x(f), _slave.np(), here.position, false);
+          const FieldColumns<D> e
+              = field_columns<D, F>(B, law, s.lambda, k, k.e, friction, w, _options.scale);
+          for (int i = 0; i < Q; ++i)
           {
-            const State& s = _now.of(f)[p];
-            const Sample& here = sample(s, buffer);
-            const double w = s.weight;
-            CouplingBasis<D> B = basis(s, here, tangents);
-            if (target < 0)
-            {
-              add_open_tangent<D>(B, this->law(s), w, _options.scale, block);
-              continue;
-            }
-            if (not _tool)
-            {
-              _master.ref.position.tabulate(s.target.xi.data(), P, true);
-              if (not same)
-                _master.ref.displacement.tabulate(s.target.xi.data(), M);
-              B.M = same ? &P : &M;
-              B.master = _master.nu();
-            }
-            else if (not _tool_dofs.empty())
-            {
-              B.M = &rigid_basis();
-              B.master = 1;
-            }
-            const Kinematics<D> k = kinematics(s, here.position, P);
-            const FrictionTangent<D> friction(s.friction);
-            const ContactLaw law = this->law(s);
-            add_closed_tangent<D, F>(B, law, s.lambda, k, friction, w, _options.scale, block);
-            auto columns = [&](const Variation<D, D>& v)
-            { return field_columns<D, F>(B, law, s.lambda, k, v, friction, w, _options.scale); };
-            if (field)
-              of_master.add(_master, s.target.xi.data(), columns(k.m));
-            const double* xi = s.xi.data();
-            if (turns)
-            {
-              // e = −M/‖M‖ with the slave's M
-              const InterpolatedNormal<D> nbar(_slave_normals.at(_slave, f, xi));
-              of_slave.add(_slave, xi, -columns(k.e) * nbar.of_m);
-            }
-            else if (_options.rules.turning and moves)
-            {
-              // the slave facet's own normal: δe = Σ_α (∂e/∂τ_α) ∂_α δu¹
-              const FacetPoint<D> own
-                  = evaluate<D>(_slave.facet_x(f), _slave.np(), here.position, false);
-              const FieldColumns<D> e = columns(k.e);
-              for (int i = 0; i < Q; ++i)
-              {
-                const FieldColumns<D> with = e * normal_of_tangent<D>(own, i, -_slave.sigma[f]);
-                for (int a = 0; a < B.slave; ++a)
-                  block.template middleCols<D>(a * D) += here.displacement.dN[i][a] * with;
-              }
-            }
+            const FieldColumns<D> with = e * normal_of_tangent<D>(own, i, -_slave.sigma[f]);
+            for (int a = 0; a < B.slave; ++a)
+              block.template middleCols<D>(a * D) += here.displacement.dN[i][a] * with;
           }
-          insert(dofs, block.data());
-          if (field and target >= 0)
-          {
-            node_dofs(of_master.finish(_master, _normals, target), _master_dofs, ring);
-            insert(ring, of_master.values.data());
-          }
-          if (turns and target >= 0)
-          {
-            node_dofs(of_slave.finish(_slave, _slave_normals, f), _slave_dofs, ring);
-            insert(ring, of_slave.values.data());
-          }
-          if (_particles.refined and moves)
-            motion_tangent<F>(A, f, particles, dofs, cells);
-        });
+        }
+      }
+      _adder.add({f, target, all_unknowns}, dofs, dofs, block.data());
+      if (field and target >= 0)
+      {
+        node_dofs(of_master.finish(target), _master_dofs, ring);
+        _adder.add({f, target, master_ring}, dofs, ring, of_master.values.data());
+      }
+      if (turns and target >= 0)
+      {
+        node_dofs(of_slave.finish(f), _slave_dofs, ring);
+        _adder.add({f, target, slave_ring}, dofs, ring, of_slave.values.data());
+      }
+      if (_particles.refined and moves)
+        motion_tangent<F>(f, target, particles, tangent, dofs, cells);
+    };
+    for_each_pair(f, work, add_pair);
   }
 }
 
@@ -297,6 +320,8 @@ void Assembler<D>::node_dofs(const std::vector<std::int32_t>& nodes,
 template <int D>
 void Assembler<D>::insert_pattern(Mat A, bool remember)
 {
+  const Logged logged(Event::pattern);
+  _adder.forget();
   if (remember)
     _pattern.assign(_own, {});
   std::vector<PetscInt> dofs, ring;
@@ -373,10 +398,10 @@ bool Assembler<D>::pattern_holds() const
 }
 
 // the members of this file; assembler.cpp instantiates the others
-template CouplingBasis<2> Assembler<2>::basis(const State&, const Sample&,
-                                              std::vector<Vector<2>>&) const;
-template CouplingBasis<3> Assembler<3>::basis(const State&, const Sample&,
-                                              std::vector<Vector<3>>&) const;
+template const Vector<2>* Assembler<2>::tangents(int, std::vector<Vector<2>>&) const;
+template const Vector<3>* Assembler<3>::tangents(int, std::vector<Vector<3>>&) const;
+template CouplingBasis<2> Assembler<2>::basis(const Sample&, const Vector<2>*) const;
+template CouplingBasis<3> Assembler<3>::basis(const Sample&, const Vector<3>*) const;
 template void Assembler<2>::dofs_of(int, int, std::vector<PetscInt>&) const;
 template void Assembler<3>::dofs_of(int, int, std::vector<PetscInt>&) const;
 template void Assembler<2>::node_dofs(const std::vector<std::int32_t>&,

@@ -6,7 +6,6 @@
 // where δ(log w) and δξ^β depend on the corners of the slave facet and of the master facets that
 // its cells are cut by.
 #include "assembler.h"
-#include "petsc_check.h"
 
 namespace dolfinx_contact
 {
@@ -60,8 +59,8 @@ Rates<D> Assembler<D>::rates(const State& s, const Sample& along, int beta) cons
 
 template <int D>
 template <bool F>
-void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
-                                  const std::vector<PetscInt>& dofs,
+void Assembler<D>::motion_tangent(int f, int target, std::span<const int> particles,
+                                  const Vector<D>* tangents, const std::vector<PetscInt>& dofs,
                                   const CellPoints<D>& cells) const
 {
   constexpr int Q = D - 1;
@@ -84,7 +83,6 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
     for (Eigen::Index first = 0, n; first < block.cols(); first += n)
       visit(first, n = D * (first == 0 ? _slave.nv() : _master.nv()));
   };
-  std::vector<Vector<D>> tangents, same;
   BasisValues P, M;
   Sample here, along;
   for (int p : particles)
@@ -92,7 +90,7 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
     const State& s = _now.of(f)[p];
     const ContactLaw law = this->law(s);
     tabulate(s.xi.data(), here);
-    CouplingBasis<D> B = basis(s, here, tangents);
+    CouplingBasis<D> B = basis(here, tangents);
     Kinematics<D> k;
     if (s.closed)
     {
@@ -123,7 +121,7 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
       std::copy_n(here.displacement.dN[b], BasisValues::max_nodes, along.displacement.N);
       std::copy_n(psi.dN[b], BasisValues::max_nodes, along.psi.begin());
       std::copy_n(phi.dN[b], BasisValues::max_nodes, along.phi.begin());
-      CouplingBasis<D> Bb = basis(s, along, same);
+      CouplingBasis<D> Bb = basis(along, tangents);
       const Rates<D> rate = rates(s, along, b);
       const PairVector<D> d
           = s.closed ? closed_rate<D, F>(B, Bb, law, s.lambda, k, s.Lambda, friction, rate,
@@ -146,25 +144,25 @@ void Assembler<D>::motion_tangent(Mat A, int f, std::span<const int> particles,
         if (block.middleCols(first, n).isZero(0))
           return;
         const decltype(block) part = block.middleCols(first, n);
-        check(
-            MatSetValues(A, dofs.size(), dofs.data(), n, &columns[first], part.data(), ADD_VALUES),
-            "MatSetValues (motion of particles)");
+        const int kind = first == 0 ? slave_corners
+                                    : master_corners + cells.facets[(first - D * _slave.nv()) / n];
+        _adder.add({f, target, kind}, dofs, std::span(columns).subspan(first, n), part.data());
       });
 }
 
 // the members of this file; assembler.cpp instantiates the others
 template Rates<2> Assembler<2>::rates(const State&, const Sample&, int) const;
 template Rates<3> Assembler<3>::rates(const State&, const Sample&, int) const;
-template void Assembler<2>::motion_tangent<false>(Mat, int, std::span<const int>,
+template void Assembler<2>::motion_tangent<false>(int, int, std::span<const int>, const Vector<2>*,
                                                   const std::vector<PetscInt>&,
                                                   const CellPoints<2>&) const;
-template void Assembler<2>::motion_tangent<true>(Mat, int, std::span<const int>,
+template void Assembler<2>::motion_tangent<true>(int, int, std::span<const int>, const Vector<2>*,
                                                  const std::vector<PetscInt>&,
                                                  const CellPoints<2>&) const;
-template void Assembler<3>::motion_tangent<false>(Mat, int, std::span<const int>,
+template void Assembler<3>::motion_tangent<false>(int, int, std::span<const int>, const Vector<3>*,
                                                   const std::vector<PetscInt>&,
                                                   const CellPoints<3>&) const;
-template void Assembler<3>::motion_tangent<true>(Mat, int, std::span<const int>,
+template void Assembler<3>::motion_tangent<true>(int, int, std::span<const int>, const Vector<3>*,
                                                  const std::vector<PetscInt>&,
                                                  const CellPoints<3>&) const;
 

@@ -14,16 +14,26 @@ using namespace dolfinx_contact::bench;
 namespace
 {
 
-/// A contact problem without its bulk: everything closed, rows numbered at random.
+/// What a problem is made of beside its elements.
+struct Setup
+{
+  bool friction = false;
+  bool smooth = false;   ///< smooth targets, interpolated normals; else proximity, facet normals
+  bool segments = false; ///< particles of the common refinement, 6 on each of its triangles
+  int simpson_n = 1;
+};
+
+/// A contact problem without its bulk: everything closed, rows numbered at random. Friction acts
+/// everywhere.
 template <int D>
 class Problem
 {
 public:
-  Problem(const Element& element, int facets, bool friction)
-      : _pair(bench::pair<D>(element, facets))
-      , _dofs(_pair.slave, _pair.master, friction)
-      , _assembler(_pair.slave, _pair.slave.size(), particles(), options(friction), _dofs.slave,
-                   _pair.slave.local, _dofs.multiplier)
+  Problem(const Element& element, int facets, const Setup& setup)
+      : _pair(bench::pair<D>(element, facets, setup.simpson_n))
+      , _dofs(_pair.slave, _pair.master, setup.friction)
+      , _assembler(_pair.slave, _pair.slave.size(), particles(setup.segments), options(setup),
+                   _dofs.slave, _pair.slave.local, _dofs.multiplier)
       , _u_master(_dofs.master.size(), 0.0)
       , _lambda(_dofs.multiplier.size(), -1.0)
       , _Lambda(_dofs.friction.size(), 0.1)
@@ -31,10 +41,13 @@ public:
     for (double fraction : {0.0, 0.02})
       _u_slave.push_back(_pair.slide(fraction));
     _assembler.set_master(_pair.master, _dofs.master);
-    if (friction)
+    if (setup.friction)
       _assembler.set_friction(friction_space());
     update();
-    _assembler.begin_step(0); // everything touches: friction acts
+    _assembler.begin_step(0); // everything touches: friction acts from the next update on
+    if (setup.segments)
+      _assembler.accept();
+    update();
     allocate();
   }
   Problem(const Problem&) = delete;
@@ -51,7 +64,7 @@ public:
     _assembler.update({_u_slave[0], _u_master, _lambda, _Lambda}, -1);
   }
 
-  int size() const { return _pair.particles(); }
+  int size() const { return static_cast<int>(_assembler.states().size()); }
   const Pair<D>& pair() const { return _pair; }
   const Assembler<D>& assembler() const { return _assembler; }
 
@@ -115,13 +128,29 @@ private:
     }
   };
 
-  Particles particles() const
+  Particles particles(bool segments) const
   {
+    if (segments)
+      return {triangle(), {}, _pair.slave.ref.displacement, {}, {}, true};
     return {_pair.rule,
             particle_weights(_pair.slave, _pair.rule, false),
             _pair.slave.ref.displacement,
             {},
             {}};
+  }
+
+  /// Exact to degree 4 on the reference triangle.
+  static ParticleRule triangle()
+  {
+    ParticleRule rule;
+    for (const auto& [a, w] : {std::pair{0.445948490915965, 0.223381589678011 / 2},
+                               std::pair{0.091576213509771, 0.109951743655322 / 2}})
+      for (const auto& [x, y] : {std::pair{a, a}, std::pair{1 - 2 * a, a}, std::pair{a, 1 - 2 * a}})
+      {
+        rule.points.insert(rule.points.end(), {x, y});
+        rule.weights.push_back(w);
+      }
+    return rule;
   }
 
   /// Nodes of the displacements, tangents along the axes.
@@ -133,11 +162,14 @@ private:
     return space;
   }
 
-  static PairOptions<D> options(bool friction)
+  static PairOptions<D> options(const Setup& setup)
   {
     PairOptions<D> o;
     o.search.radius = 0.5;
-    o.law.friction = friction ? 0.3 : 0;
+    o.rubbing = setup.friction;
+    o.law.friction = setup.friction ? 0.3 : 0;
+    if (setup.smooth)
+      o.rules = {TargetRule::smooth, NormalRule::interpolated};
     return o;
   }
 
@@ -257,32 +289,70 @@ template <int D>
 void add_all()
 {
   using Function = void (*)(benchmark::State&, Problem<D>&);
-  const std::pair<std::string, Function> all[]
-      = {{"update: move, warm search, status", update<D>},
-         {"residual with insertion", residual<D>},
-         {"tangent with insertion", tangent<D>},
-         {"  its variations", [](auto& s, auto& p) { arithmetic<D>(s, p, false); }},
+  const std::pair<std::string, Function> parts[]
+      = {{"  its variations", [](auto& s, auto& p) { arithmetic<D>(s, p, false); }},
          {"  its arithmetic", [](auto& s, auto& p) { arithmetic<D>(s, p, true); }},
          {"  its MatSetValues", insertion<D>}};
-  const std::pair<std::string, Function> rough[] = {{"update with friction", update<D>},
-                                                    {"residual with friction", residual<D>},
-                                                    {"tangent with friction", tangent<D>}};
   for (const Element& e : elements<D>())
   {
-    const int facets = e.position == 1 ? 1000 : 300;
-    auto add_each = [&](const auto& functions, bool friction)
+    auto add_each = [&](const std::string& what, const Setup& setup, int facets = 0)
     {
+      if (facets == 0)
+        facets = e.position == 1 ? 1000 : 300;
       const Once<Problem<D>> problem([=]
-                                     { return std::make_unique<Problem<D>>(e, facets, friction); });
-      for (const auto& [what, function] : functions)
-        add(what + ", " + name(e),
-            [=, function = function](benchmark::State& s) { function(s, problem()); });
+                                     { return std::make_unique<Problem<D>>(e, facets, setup); });
+      auto add_one = [&](const std::string& name, Function function)
+      { add(name, [=](benchmark::State& s) { function(s, problem()); }); };
+      const bool plain = what.empty();
+      add_one(plain ? "update: move, warm search, status, " + name(e)
+                    : "update" + what + ", " + name(e),
+              update<D>);
+      add_one("residual" + (plain ? " with insertion" : what) + ", " + name(e), residual<D>);
+      add_one("tangent" + (plain ? " with insertion" : what) + ", " + name(e), tangent<D>);
+      if (plain)
+        for (const auto& [part, function] : parts)
+          add_one(part + ", " + name(e), function);
     };
-    add_each(all, false);
-    add_each(rough, true);
+    add_each("", {});
+    add_each(" with friction", {.friction = true});
+    add_each(" smooth", {.smooth = true});
+    add_each(" smooth, friction", {.friction = true, .smooth = true});
+    if (D == 3 and e.displacement == 1)
+      add_each(" segments", {.segments = true}, 300);
   }
 }
 
-const bool registered = (add_all<3>(), add_all<2>(), true);
+/// Bilinear quadrilaterals, 10³ to 10⁵ slave facets with Simpson's rule.
+void add_sizes()
+{
+  auto problems = std::make_shared<std::map<int, Once<Problem<3>>>>();
+  for (int facets : {1000, 10000, 100000})
+    problems->emplace(facets,
+                      [=]
+                      {
+                        return std::make_unique<Problem<3>>(Element{Shape::quadrilateral, 1, 1},
+                                                            facets, Setup{.simpson_n = 0});
+                      });
+  auto add_family = [&](const std::string& name, auto run)
+  {
+    benchmark::RegisterBenchmark(name.c_str(),
+                                 [=](benchmark::State& s)
+                                 {
+                                   run(s, problems->at(s.range(0))());
+                                   s.SetComplexityN(s.range(0));
+                                 })
+        ->Arg(1000)
+        ->Arg(10000)
+        ->Arg(100000)
+        ->Repetitions(5)
+        ->MinTime(0.1)
+        ->Complexity();
+  };
+  add_family("update", update<3>);
+  add_family("residual", residual<3>);
+  add_family("tangent", tangent<3>);
+}
+
+const bool registered = (add_all<3>(), add_all<2>(), add_sizes(), true);
 
 } // namespace

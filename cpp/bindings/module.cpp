@@ -3,6 +3,7 @@
 // The folder bindings/ is the only place that knows pybind11. Arrays are row-major; PETSc objects
 // arrive as their handles (petsc4py: mat.handle), which are borrowed for the time of the call.
 #include "../assembly/assembler.h"
+#include "../assembly/events.h"
 #include "../assembly/pattern.h"
 #include "../parallel/exchange.h"
 #include "material.h"
@@ -130,8 +131,17 @@ void declare_geometry(py::module_& m)
   m.def("with_ring",
         [](std::int64_t comm, const Surface& own) { return with_ring(communicator(comm), own); });
   m.def("with_targets", [](std::int64_t comm, const Surface& ringed, int num_own,
-                           const array<double>& boxes, double radius)
-        { return with_targets(communicator(comm), ringed, num_own, span(boxes), radius); });
+                           const array<double>& boxes, const array<double>& reach)
+        { return with_targets(communicator(comm), ringed, num_own, span(boxes), span(reach)); });
+  m.def("distances",
+        [](std::int64_t comm, const Surface& ringed, int num_own, const array<double>& boxes,
+           const array<double>& reach)
+        {
+          const std::vector<double> d
+              = distances(communicator(comm), ringed, num_own, span(boxes), span(reach));
+          return as_array(d, {static_cast<py::ssize_t>(d.size())});
+        });
+  m.def("bytes_received", &bytes_received);
 }
 
 void declare_particles(py::module_& m)
@@ -329,8 +339,10 @@ void declare_assembler(py::module_& m, const char* name)
            py::arg("end_tolerance"), py::arg("crease"), py::arg("augmented"), py::arg("convected"),
            py::arg("rubbing"), py::arg("slave_dofs"), py::arg("multiplier_local"),
            py::arg("multiplier_dofs"), py::arg("refined") = false, py::arg("axisymmetric") = false)
-      .def("set_master", [](A& a, const Surface& master, const array<PetscInt>& dofs)
-           { a.set_master(master, vector(dofs)); })
+      .def("set_master",
+           [](A& a, const Surface& master, const array<PetscInt>& dofs, const array<double>& reach)
+           { a.set_master(master, vector(dofs), vector(reach)); })
+      .def("decided", [](const A& a) { return as_array(a.decided(), {py::ssize_t(a.own())}); })
       .def("set_tool", [](A& a, std::shared_ptr<RigidTool<D>> tool, const array<PetscInt>& dofs)
            { a.set_tool(std::move(tool), vector(dofs)); })
       .def("set_friction",
@@ -363,29 +375,31 @@ void declare_assembler(py::module_& m, const char* name)
       .def("nodes",
            [](const A& a)
            {
-             // has_target, normal and free components of the multipliers' nodes
+             // has_target, normal, free components of the multipliers' nodes, and `decided`
              const auto nodes = a.nodes();
              const py::ssize_t n = a.own(), m = a.particles().nodes.size() / (D - 1);
              py::array_t<bool> found({n, m}), free({n, m, py::ssize_t(D)});
-             py::array_t<double> normal({n, m, py::ssize_t(D)});
+             py::array_t<double> normal({n, m, py::ssize_t(D)}), decided({n, m});
              for (std::size_t i = 0; i < nodes.size(); ++i)
              {
                found.mutable_data()[i] = nodes[i].has_target;
+               decided.mutable_data()[i] = nodes[i].decided;
                std::copy_n(nodes[i].free_to_move.begin(), D, free.mutable_data() + i * D);
                std::copy_n(nodes[i].n.data(), D, normal.mutable_data() + i * D);
              }
-             return py::make_tuple(found, normal, free);
+             return py::make_tuple(found, normal, free, decided);
            })
       .def(
           "update",
           [](A& a, const array<double>& us, const array<double>& um, const array<double>& lambda,
-             double close, const array<double>& Lambda)
+             double close, const array<double>& Lambda, bool again)
           {
-            const Changes c = a.update({span(us), span(um), span(lambda), span(Lambda)}, close);
+            const Changes c
+                = a.update({span(us), span(um), span(lambda), span(Lambda)}, close, again);
             return std::array<int, 3>{c.contact, c.slip, c.reversals};
           },
           py::arg("slave"), py::arg("master"), py::arg("multiplier"), py::arg("close") = -1.0,
-          py::arg("friction") = array<double>(0))
+          py::arg("friction") = array<double>(0), py::arg("again") = false)
       .def(
           "freeze",
           [](A& a, bool geometry, bool threshold, bool status) {
@@ -435,6 +449,8 @@ PYBIND11_MODULE(_cpp, m)
           const std::vector<double> v = largest_in_rows(reinterpret_cast<Mat>(mat));
           return as_array(v, {static_cast<py::ssize_t>(v.size())});
         });
+  // The first one registers all, under PETSc's class "dolfinx_contact".
+  m.def("register_log_events", [] { log_event(Event::search); });
   declare_tools(m);
   declare_assembler<2>(m, "Assembler2");
   declare_assembler<3>(m, "Assembler3");

@@ -135,11 +135,12 @@ NormalDerivative<D> NodalNormals<D>::derivative(const Surface& s, int f) const
   const int nv = s.nv(), np = s.np(), nu = s.nu();
   NormalDerivative<D> out;
   out.nodes = nodes(s, f);
+  const int n_nodes = static_cast<int>(out.nodes.size());
+  out.dn.setZero(nv * D, D * n_nodes);
   for (int v = 0; v < nv; ++v)
   {
     const int c = f * nv + v;
-    Eigen::Matrix<double, D, Eigen::Dynamic> dS(D, D * out.nodes.size());
-    dS.setZero();
+    auto dS = out.dn.template middleRows<D>(v * D);
     for (int k = _offset[c]; k < _offset[c + 1]; ++k)
     {
       const int g = _star[k];
@@ -173,7 +174,10 @@ NormalDerivative<D> NodalNormals<D>::derivative(const Surface& s, int f) const
       }
     }
     const Vector<D>& n = _normal[c];
-    out.dn.push_back((dS - n * (n.transpose() * dS)) / _length[c]);
+    const Eigen::Matrix<double, D, D> T
+        = (Eigen::Matrix<double, D, D>::Identity() - n * n.transpose()) / _length[c];
+    for (int k = 0; k < n_nodes; ++k)
+      dS.template middleCols<D>(D * k) = (T * dS.template middleCols<D>(D * k)).eval();
   }
   return out;
 }

@@ -27,8 +27,8 @@ template <int D>
 struct NormalDerivative
 {
   std::vector<std::int32_t> nodes; ///< of the surface's node table: the facet's star
-  /// ∂n_A/∂u for each corner A: (D, D × nodes)
-  std::vector<Eigen::Matrix<double, D, Eigen::Dynamic>> dn;
+  /// ∂n_A/∂u of all corners A: (corners × D, D × nodes)
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> dn;
 };
 
 /// Nodal normals of a surface in its current position.

@@ -115,7 +115,8 @@ struct FacetPoint
   }
 };
 
-/// Evaluate a facet from its node positions `x` ((np, D), row-major) and tabulated basis.
+namespace impl
+{
 template <int D>
 inline FacetPoint<D> evaluate(const double* x, int np, const BasisValues& b, bool second)
 {
@@ -134,6 +135,18 @@ inline FacetPoint<D> evaluate(const double* x, int np, const BasisValues& b, boo
         p.curvature.col(i) += b.ddN[i][a] * xa;
   }
   return p;
+}
+} // namespace impl
+
+/// Evaluate a facet from its node positions `x` ((np, D), row-major) and tabulated basis.
+template <int D>
+inline FacetPoint<D> evaluate(const double* x, int np, const BasisValues& b, bool second)
+{
+  // loops of known length for facets of degree 1
+  return np == 4   ? impl::evaluate<D>(x, 4, b, second)
+         : np == 3 ? impl::evaluate<D>(x, 3, b, second)
+         : np == 2 ? impl::evaluate<D>(x, 2, b, second)
+                   : impl::evaluate<D>(x, np, b, second);
 }
 
 /// Vertex of a reference facet, facet_dim(shape) numbers (Basix's numbering).

@@ -2,6 +2,7 @@
 #include "trace_basis.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 namespace dolfinx_contact
@@ -47,10 +48,35 @@ TraceBasis::TraceBasis(int facet_dim, std::span<const std::int32_t> powers,
     for (int a = 0; a < _nodes; ++a)
       _c[k * _nodes + a] = coefficients[a * _monomials + k];
   }
+  _linear = is_linear();
+}
+
+// N_a(vertex b) = δ_ab, with no other monomials than 1, x, y and xy
+bool TraceBasis::is_linear() const
+{
+  constexpr double vertex[4][2] = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
+  if (_degree != 1 or _nodes != (_dim == 1 ? 2 : _monomials) or _nodes == 1)
+    return false;
+  BasisValues b;
+  for (int v = 0; v < _nodes; ++v)
+  {
+    tabulate_any(vertex[v], b, false);
+    for (int a = 0; a < _nodes; ++a)
+      if (std::abs(b.N[a] - (a == v)) > 1e-12)
+        return false;
+  }
+  return true;
 }
 
 void TraceBasis::values(const double* xi, double* N) const
 {
+  if (_linear)
+  {
+    BasisValues b;
+    tabulate_linear(xi, b, false);
+    std::copy_n(b.N, _nodes, N);
+    return;
+  }
   const Powers p(xi[0]), q(_dim == 2 ? xi[1] : 0.0);
   std::fill_n(N, _nodes, 0.0);
   for (int k = 0; k < _monomials; ++k)
@@ -61,7 +87,7 @@ void TraceBasis::values(const double* xi, double* N) const
   }
 }
 
-void TraceBasis::tabulate(const double* xi, BasisValues& out, bool second) const
+void TraceBasis::tabulate_any(const double* xi, BasisValues& out, bool second) const
 {
   const Powers p(xi[0]), q(_dim == 2 ? xi[1] : 0.0);
   std::fill_n(out.N, _nodes, 0.0);

@@ -58,12 +58,51 @@ public:
   int degree() const { return _degree; }
 
   /// Values and first derivatives (second ones too if `second`) at ξ (facet_dim numbers).
-  void tabulate(const double* xi, BasisValues& out, bool second = false) const;
+  void tabulate(const double* xi, BasisValues& out, bool second = false) const
+  {
+    if (_linear)
+      tabulate_linear(xi, out, second);
+    else
+      tabulate_any(xi, out, second);
+  }
 
   /// Values only, N has room for `nodes()` numbers.
   void values(const double* xi, double* N) const;
 
 private:
+  // The basis of degree 1 in closed form: searches spend much of their time on it
+  void tabulate_linear(const double* xi, BasisValues& out, bool second) const
+  {
+    const double x = xi[0];
+    if (_nodes == 4)
+    {
+      const double y = xi[1], u = 1 - x, v = 1 - y;
+      const double N[] = {u * v, x * v, u * y, x * y}, d0[] = {-v, v, -y, y}, d1[] = {-u, -x, u, x};
+      for (int a = 0; a < 4; ++a)
+      {
+        out.N[a] = N[a];
+        out.dN[0][a] = d0[a];
+        out.dN[1][a] = d1[a];
+        out.ddN[0][a] = out.ddN[1][a] = 0;
+        out.ddN[2][a] = a == 0 or a == 3 ? 1 : -1;
+      }
+      return;
+    }
+    const double y = _nodes == 3 ? xi[1] : 0, N[] = {1 - x - y, x, y}, d0[] = {-1, 1, 0},
+                 d1[] = {-1, 0, 1};
+    for (int a = 0; a < _nodes; ++a)
+    {
+      out.N[a] = N[a];
+      out.dN[0][a] = d0[a];
+      out.dN[1][a] = _nodes == 3 ? d1[a] : 0;
+      for (int i = 0; second and i < 3; ++i)
+        out.ddN[i][a] = 0;
+    }
+  }
+  void tabulate_any(const double* xi, BasisValues& out, bool second) const;
+  bool is_linear() const;
+
+  bool _linear = false; // the basis of degree 1 in Basix's order
   int _dim = 0, _nodes = 0, _monomials = 0, _degree = 0;
   std::vector<std::int32_t> _powers; // (monomials, 2)
   std::vector<double> _c;            // (monomials, nodes): summed along contiguous nodes

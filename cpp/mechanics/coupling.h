@@ -76,51 +76,85 @@ void add_residual(const CouplingBasis<D>& B, const ContactLaw& law, bool closed,
 
 namespace impl
 {
-// Rows of a particle's small matrices: ⟦w⟧, ∂_α w², λ* and, with friction, Λ*.
+// Rows of a particle's small matrices: ⟦w⟧ at a fixed target, δξ (of ∂_α w² δξ^α, which are times
+// w t), λ* and, with friction, Λ*.
 template <int D, bool F>
-constexpr int rows = Kinematics<D>::Z + 1 + (F ? D : 0);
+constexpr int rows = F ? 3 * D : 2 * D;
+
+// Of C columns for each of these rows.
+template <int D, bool F, int C>
+using Small = Eigen::Matrix<double, rows<D, F>, C, C == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
 
 // Small matrix for the C numbers of a variation:
 // (F9) −w (δt·⟦w⟧ − t·∂_α w² δξ^α), (F13) −w δd_n λ* and the friction row
 template <int D, bool F, unsigned Drop, int C>
-Eigen::Matrix<double, rows<D, F>, C>
-small_matrix(const ContactLaw& law, double lambda, const Kinematics<D>& k, const Variation<D, C>& v,
-             const FrictionTangent<D>& f, const Vector<D>& t, double w, const Scales& scale)
+Small<D, F, C> small_matrix(const ContactLaw& law, double lambda, const Kinematics<D>& k,
+                            const Variation<D, C>& v, const FrictionTangent<D>& f, double w,
+                            const Scales& scale)
 {
-  constexpr int Z = Kinematics<D>::Z;
   const Response<D, C> response = respond<D, Drop>(law, lambda, k, v, f);
-  Eigen::Matrix<double, rows<D, F>, C> out;
-  out.setZero();
+  Small<D, F, C> out;
   out.template topRows<D>() = -w * response.t;
-  if constexpr (not(Drop & moving_target))
-    for (int a = 0; a < D - 1; ++a)
-      out.template middleRows<D>(D + a * D) = w * t * v.xi.row(a);
-  if constexpr (not(Drop & gap_row))
-    out.row(Z) = -w * scale.pressure * v.gap;
+  out.template middleRows<D - 1>(D) = v.xi;
+  out.row(2 * D - 1) = -w * scale.pressure * v.gap;
   if constexpr (F)
     out.template bottomRows<D>() = w * scale.friction * response.row;
+  if constexpr (Drop & moving_target)
+    out.template middleRows<D - 1>(D).setZero();
+  if constexpr (Drop & gap_row)
+    out.row(2 * D - 1).setZero();
   return out;
 }
 
-// Rows of the pair's unknowns from those of the particle: Σ over its basis functions.
-template <int D, bool F, typename Small, typename Out>
-void expand_rows(const CouplingBasis<D>& B, const Small& k0, Out& out)
+// Call expand<n>() with n the number of nodes of all bases if they have equally many and it is one
+// of the common numbers, else with 0: numbers known to the compiler make short loops fast.
+template <int D, bool F, typename Expand>
+void with_nodes(const CouplingBasis<D>& B, Expand expand)
 {
-  constexpr int Q = D - 1, Z = Kinematics<D>::Z;
-  for (int a = 0; a < B.slave; ++a)
-    out.template middleRows<D>(a * D) += B.N[a] * k0.template topRows<D>();
-  for (int a = 0; a < B.multiplier; ++a)
-    out.row(B.first_multiplier() + a) += B.psi[a] * k0.row(Z);
+  const int n = B.slave;
+  const bool equal = B.multiplier == n and B.master == n and B.friction == (F ? n : 0);
+  if (equal and n == D) // intervals, triangles
+    expand.template operator()<D>();
+  else if (D == 3 and equal and n == 4)
+    expand.template operator()<D == 3 ? 4 : 0>();
+  else
+    expand.template operator()<0>();
+}
+
+// Rows of the pair's unknowns from those of the particle: Σ over its basis functions.
+// @tparam Nodes see with_nodes
+// @param wt weight × traction
+// @param out (unknowns, columns of k), row-major
+template <int D, bool F, int Nodes, typename Rows, typename Out>
+void expand_rows(const CouplingBasis<D>& B, const Vector<D>& wt, const Rows& k, Out& out)
+{
+  constexpr int Q = D - 1;
+  auto count = [](int n) { return Nodes > 0 ? Nodes : n; };
+  int first = 0;
+  for (int a = 0; a < count(B.slave); ++a, first += D)
+    for (int i = 0; i < D; ++i)
+      out.row(first + i) += B.N[a] * k.row(i);
+  for (int a = 0; a < count(B.multiplier); ++a, ++first)
+    out.row(first) += B.psi[a] * k.row(2 * D - 1);
   if constexpr (F)
-    for (int a = 0; a < B.friction * Q; ++a)
-      out.row(B.first_friction() + a)
-          += B.phi[a / Q] * (B.tangent[a].transpose() * k0.template bottomRows<D>());
-  for (int a = 0; a < B.master; ++a)
+    for (int a = 0; a < count(B.friction); ++a)
+      for (int i = 0; i < Q; ++i, ++first)
+      {
+        const Vector<D> t = B.phi[a] * B.tangent[a * Q + i];
+        if constexpr (D == 2)
+          out.row(first) += t[0] * k.row(4) + t[1] * k.row(5);
+        else
+          out.row(first) += t[0] * k.row(6) + t[1] * k.row(7) + t[2] * k.row(8);
+      }
+  if constexpr (Nodes == 0)
+    first = B.first_master();
+  for (int a = 0; a < count(B.master); ++a, first += D)
   {
-    auto row = out.template middleRows<D>(B.first_master() + a * D);
-    row -= B.M->N[a] * k0.template topRows<D>();
-    for (int i = 0; i < Q; ++i)
-      row += B.M->dN[i][a] * k0.template middleRows<D>(D + i * D);
+    typename Rows::ConstRowXpr::PlainObject along = B.M->dN[0][a] * k.row(D); // ∂_α M_a δξ^α
+    if constexpr (D == 3)
+      along += B.M->dN[1][a] * k.row(D + 1);
+    for (int i = 0; i < D; ++i)
+      out.row(first + i) += wt[i] * along - B.M->N[a] * k.row(i);
   }
 }
 } // namespace impl
@@ -148,10 +182,10 @@ void add_open_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double w
 template <int D, bool F>
 struct ClosedParticle
 {
-  static constexpr int R = impl::rows<D, F>;
-  Eigen::Matrix<double, R, Kinematics<D>::Z> z;
-  Eigen::Matrix<double, R, 1> lambda = Eigen::Matrix<double, R, 1>::Zero();
-  Eigen::Matrix<double, R, D> Lambda = Eigen::Matrix<double, R, D>::Zero(); ///< if F
+  impl::Small<D, F, Kinematics<D>::Z> z;
+  impl::Small<D, F, 1> lambda = impl::Small<D, F, 1>::Zero();
+  impl::Small<D, F, D> Lambda = impl::Small<D, F, D>::Zero(); ///< if F
+  Vector<D> wt;                                               ///< weight × traction
 };
 
 template <int D, bool F, unsigned Drop = all_terms>
@@ -159,8 +193,8 @@ ClosedParticle<D, F> closed_particle(const ContactLaw& law, double lambda, const
                                      const FrictionTangent<D>& f, double w, const Scales& scale)
 {
   ClosedParticle<D, F> out;
-  const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
-  out.z = impl::small_matrix<D, F, Drop>(law, lambda, k, k.z, f, t, w, scale);
+  out.wt = w * traction<D>(law, lambda, k.n, k.gap, f);
+  out.z = impl::small_matrix<D, F, Drop>(law, lambda, k, k.z, f, w, scale);
   auto& kl = out.lambda;
   if constexpr (not(Drop & traction_multiplier))
     kl.template head<D>() -= w * scale.pressure * k.n;
@@ -189,6 +223,48 @@ ClosedParticle<D, F> closed_particle(const ContactLaw& law, double lambda, const
   return out;
 }
 
+namespace impl
+{
+// Rows and columns of the pair's unknowns.
+template <int D, bool F, int Nodes>
+void expand(const CouplingBasis<D>& B, const ClosedParticle<D, F>& small, PairMatrix<D>& K)
+{
+  constexpr int Q = D - 1, R = rows<D, F>;
+  constexpr int size = Nodes > 0 ? Nodes * (2 * D + 1 + (F ? Q : 0)) : Eigen::Dynamic;
+  constexpr int most = Nodes > 0 ? size : max_unknowns<D>;
+  auto count = [](int n) { return Nodes > 0 ? Nodes : n; };
+  const auto& kz = small.z;
+
+  // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master
+  Eigen::Matrix<double, R, size, Eigen::RowMajor, R, most> C(R, B.size());
+  for (int r = 0; r < R; ++r)
+  {
+    double* c = &C(r, 0);
+    for (int a = 0; a < count(B.slave); ++a)
+      for (int i = 0; i < D; ++i)
+        *c++ = B.N[a] * kz(r, i);
+    for (int a = 0; a < count(B.multiplier); ++a)
+      *c++ = B.psi[a] * small.lambda[r];
+    if constexpr (F)
+      for (int a = 0; a < count(B.friction); ++a)
+        for (int i = 0; i < Q; ++i)
+          *c++ = B.phi[a] * small.Lambda.row(r).dot(B.tangent[a * Q + i]);
+    if constexpr (Nodes == 0)
+      c = B.master > 0 ? &C(r, B.first_master()) : nullptr;
+    for (int a = 0; a < count(B.master); ++a)
+      for (int i = 0; i < D; ++i, ++c)
+      {
+        *c = B.M->dN[0][a] * kz(r, D + i) - B.M->N[a] * kz(r, i);
+        if constexpr (D == 3)
+          *c += B.M->dN[1][a] * kz(r, 2 * D + i);
+      }
+  }
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, size, Eigen::RowMajor>> out(K.data(), K.rows(),
+                                                                               K.cols());
+  expand_rows<D, F, Nodes>(B, small.wt, C, out);
+}
+} // namespace impl
+
 /// Tangent of a closed particle.
 /// @tparam F with friction unknowns
 template <int D, bool F, unsigned Drop = all_terms>
@@ -196,44 +272,64 @@ void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double
                         const Kinematics<D>& k, const FrictionTangent<D>& f, double w,
                         const Scales& scale, PairMatrix<D>& K)
 {
-  constexpr int Q = D - 1, R = impl::rows<D, F>;
   const ClosedParticle<D, F> small = closed_particle<D, F, Drop>(law, lambda, k, f, w, scale);
-  const auto& kz = small.z;
-
-  // columns: z = N_a on the slave, −M_b and ∂_α M_b on the master
-  Eigen::Matrix<double, R, Eigen::Dynamic, 0, R, max_unknowns<D>> C(R, B.size());
-  for (int a = 0; a < B.slave; ++a)
-    C.template middleCols<D>(a * D) = B.N[a] * kz.template leftCols<D>();
-  for (int a = 0; a < B.multiplier; ++a)
-    C.col(B.first_multiplier() + a) = B.psi[a] * small.lambda;
-  if constexpr (F)
-    for (int a = 0; a < B.friction * Q; ++a)
-      C.col(B.first_friction() + a) = B.phi[a / Q] * (small.Lambda * B.tangent[a]);
-  for (int a = 0; a < B.master; ++a)
-  {
-    auto column = C.template middleCols<D>(B.first_master() + a * D);
-    column = -B.M->N[a] * kz.template leftCols<D>();
-    for (int i = 0; i < Q; ++i)
-      column += B.M->dN[i][a] * kz.template middleCols<D>(D + i * D);
-  }
-  impl::expand_rows<D, F>(B, C, K);
+  impl::with_nodes<D, F>(B, [&]<int Nodes>() { impl::expand<D, F, Nodes>(B, small, K); });
 }
 
 /// Columns of a closed particle's tangent for the D numbers of a variation, Kinematics::m or ::e:
 /// (unknowns, D). The caller knows how they depend on degrees of freedom.
 template <int D>
-using FieldColumns = Eigen::Matrix<double, Eigen::Dynamic, D, 0, max_unknowns<D>, D>;
+using FieldColumns = Eigen::Matrix<double, Eigen::Dynamic, D, Eigen::RowMajor, max_unknowns<D>, D>;
 
 template <int D, bool F, unsigned Drop = all_terms>
 FieldColumns<D> field_columns(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
                               const Kinematics<D>& k, const Variation<D, D>& v,
                               const FrictionTangent<D>& f, double w, const Scales& scale)
 {
-  const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
+  const Vector<D> wt = w * traction<D>(law, lambda, k.n, k.gap, f);
   FieldColumns<D> out = FieldColumns<D>::Zero(B.size(), D);
-  impl::expand_rows<D, F>(B, impl::small_matrix<D, F, Drop>(law, lambda, k, v, f, t, w, scale),
-                          out);
+  const auto small = impl::small_matrix<D, F, Drop>(law, lambda, k, v, f, w, scale);
+  impl::expand_rows<D, F, 0>(B, wt, small, out);
   return out;
+}
+
+/// Such columns for the nodal normals n_A at the corners of a facet, (unknowns, corners × D).
+template <int D>
+using CornerColumns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor,
+                                    max_unknowns<D>, 4 * D>;
+
+/// Add those of a closed particle, for M = Σ_A N_A n_A.
+/// @param of_m δ of what `v` is a variation of, with M
+/// @param N values at the corners
+template <int D, bool F>
+void add_corner_columns(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
+                        const Kinematics<D>& k, const Variation<D, D>& v,
+                        const FrictionTangent<D>& f, double w, const Scales& scale,
+                        const Eigen::Matrix<double, D, D>& of_m, const double* N,
+                        CornerColumns<D>& out)
+{
+  constexpr int R = impl::rows<D, F>;
+  const Vector<D> wt = w * traction<D>(law, lambda, k.n, k.gap, f);
+  const impl::Small<D, F, D> small
+      = impl::small_matrix<D, F, all_terms>(law, lambda, k, v, f, w, scale) * of_m;
+  auto expand = [&]<int Nodes>()
+  {
+    constexpr int size = Nodes > 0 ? Nodes * D : Eigen::Dynamic;
+    constexpr int most = Nodes > 0 ? size : 4 * D;
+    const int corners = Nodes > 0 ? Nodes : static_cast<int>(out.cols()) / D;
+    Eigen::Matrix<double, R, size, Eigen::RowMajor, R, most> C(R, D * corners);
+    for (int r = 0; r < R; ++r)
+      for (int c = 0; c < corners; ++c)
+        for (int i = 0; i < D; ++i)
+          C(r, c * D + i) = N[c] * small(r, i);
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, size, Eigen::RowMajor>> rows(
+        out.data(), out.rows(), out.cols());
+    impl::expand_rows<D, F, Nodes>(B, wt, C, rows);
+  };
+  if (out.cols() == B.slave * D)
+    impl::with_nodes<D, F>(B, expand);
+  else
+    expand.template operator()<0>();
 }
 
 /// How what a particle sees changes when it moves along ξ^β of the slave's facet.
@@ -260,17 +356,17 @@ PairVector<D> closed_rate(const CouplingBasis<D>& B, const CouplingBasis<D>& alo
   add_residual<D>(along, law, true, lambda, k.gap, t, Lambda, f, w, scale, out);
 
   const ClosedParticle<D, F> small = closed_particle<D, F>(law, lambda, k, f, w, scale);
-  Eigen::Matrix<double, impl::rows<D, F>, 1> column
+  impl::Small<D, F, 1> column
       = small.z.template leftCols<D>() * rate.x + small.lambda * (rate.lambda / scale.pressure);
-  column += impl::small_matrix<D, F, all_terms>(law, lambda, k, k.e, f, t, w, scale) * rate.e;
+  column += impl::small_matrix<D, F, all_terms>(law, lambda, k, k.e, f, w, scale) * rate.e;
   if constexpr (F)
   {
     column += small.Lambda * (rate.Lambda / scale.friction);
     Variation<D, 1> slip;
     slip.slip = k.slip_of_old * rate.x_old;
-    column += impl::small_matrix<D, F, all_terms>(law, lambda, k, slip, f, t, w, scale);
+    column += impl::small_matrix<D, F, all_terms>(law, lambda, k, slip, f, w, scale);
   }
-  impl::expand_rows<D, F>(B, column, out);
+  impl::expand_rows<D, F, 0>(B, small.wt, column, out);
   return out;
 }
 

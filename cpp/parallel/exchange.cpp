@@ -9,7 +9,6 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -190,8 +189,9 @@ std::string error_of(const Surface& s)
   return "";
 }
 
-/// What is wrong with the arguments of `with_targets`; empty if nothing.
-std::string error_of(const Surface& ringed, int num_own, std::size_t num_slave_boxes, double radius)
+/// What is wrong with the arguments of `with_targets` and `distances`; empty if nothing.
+std::string error_of(const Surface& ringed, int num_own, std::span<const double> slave_boxes,
+                     std::span<const double> reach)
 {
   if (const std::string error = error_of(ringed); not error.empty())
     return error;
@@ -200,98 +200,171 @@ std::string error_of(const Surface& ringed, int num_own, std::size_t num_slave_b
   if (num_own < 0 or num_own > ringed.size())
     return "num_own is " + std::to_string(num_own) + ", it must be between 0 and the number "
            + std::to_string(ringed.size()) + " of facets";
-  if (num_slave_boxes % (2 * ringed.dim) != 0)
-    return "slave_boxes has " + std::to_string(num_slave_boxes)
-           + " numbers, it must have the shape (n, 2, " + std::to_string(ringed.dim) + ")";
-  if (not(radius >= 0))
-    return "the search radius is " + std::to_string(radius) + ", it must not be negative";
+  if (slave_boxes.size() != 2 * ringed.dim * reach.size())
+    return "slave_boxes has " + std::to_string(slave_boxes.size())
+           + " numbers, it must have the shape (n, 2, " + std::to_string(ringed.dim)
+           + ") with n = " + std::to_string(reach.size()) + ", the number of reaches";
+  for (const double r : reach)
+    if (not(r >= 0))
+      return "a reach is " + std::to_string(r) + ", it must not be negative";
   return "";
 }
 
-/// Send each rank the own facets near its slave boxes, with their rings: with_targets (a) to (c).
+/// Slave boxes with their reaches that have come from other ranks, and which of them went where.
 template <int D>
-Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
-                       std::span<const double> slave_boxes, double radius)
+struct Requests
+{
+  static constexpr int width = 2 * D + 1; // lower corner, upper corner, reach
+  std::vector<std::vector<int>> sent;     // to each rank: positions among this rank's slave boxes
+  Mail<double> received;
+
+  Box<D> box(int k) const
+  {
+    Box<D> b;
+    std::copy_n(&received.data[static_cast<std::size_t>(k) * width], D, b.lo.data());
+    std::copy_n(&received.data[static_cast<std::size_t>(k) * width + D], D, b.hi.data());
+    return b;
+  }
+  double reach(int k) const { return received.data[(static_cast<std::size_t>(k) + 1) * width - 1]; }
+  int begin(int rank) const { return received.offset[rank] / width; }
+};
+
+/// Send slave boxes to the ranks whose master facets, or their ring, may be within reach.
+/// Collective.
+template <int D>
+Requests<D> request(MPI_Comm comm, std::span<const double> master_boxes,
+                    std::span<const double> slave_boxes, std::span<const double> reach)
 {
   const int size = comm_size(comm);
-
-  // (a) Everyone's box of master facets. Master boxes are grown rather than slave boxes in all
-  // tests, so that the coarse test can not refuse, by rounding, what the fine one would take
-  const std::vector<double> boxes = ringed.boxes(radius);
   Box<D> mine;
-  for (int f = 0; f < num_own; ++f)
-    mine.add(BoxTree<D>::item_box(boxes, f));
+  for (std::size_t f = 0; f < master_boxes.size() / (2 * D); ++f)
+    mine.add(BoxTree<D>::item_box(master_boxes, static_cast<int>(f)));
   std::array<double, 2 * D> corners;
   Eigen::Map<Eigen::Array<double, 2 * D, 1>>(corners.data()) << mine.lo, mine.hi;
   std::vector<double> masters(corners.size() * size);
   MPI_Allgather(corners.data(), 2 * D, MPI_DOUBLE, masters.data(), 2 * D, MPI_DOUBLE, comm);
+  bytes_in += sizeof(corners) * (size - 1);
 
-  // (b) Slave boxes go where master facets may be near
-  const int num_slaves = static_cast<int>(slave_boxes.size()) / (2 * D);
-  Box<D> slaves;
-  for (int i = 0; i < num_slaves; ++i)
-    slaves.add(BoxTree<D>::item_box(slave_boxes, i));
-  std::vector<std::vector<double>> requests(size);
+  // Rounding is monotone: the distance from the box around facets is not larger than that from one
+  // of them, so that this test does not refuse what the finer one would take
+  Requests<D> out;
+  out.sent.resize(size);
+  std::vector<std::vector<double>> letters(size);
   for (int r = 0; r < size; ++r)
   {
     const Box<D> master = BoxTree<D>::item_box(masters, r);
-    if (not slaves.overlaps(master))
-      continue;
-    for (int i = 0; i < num_slaves; ++i)
-      if (BoxTree<D>::item_box(slave_boxes, i).overlaps(master))
+    for (std::size_t i = 0; i < reach.size(); ++i)
+      if (master.within(BoxTree<D>::item_box(slave_boxes, static_cast<int>(i)), reach[i]))
       {
-        const auto box = slave_boxes.subspan(static_cast<std::size_t>(i) * 2 * D, 2 * D);
-        requests[r].insert(requests[r].end(), box.begin(), box.end());
+        const auto box = slave_boxes.subspan(i * 2 * D, 2 * D);
+        letters[r].insert(letters[r].end(), box.begin(), box.end());
+        letters[r].push_back(reach[i]);
+        out.sent[r].push_back(static_cast<int>(i));
       }
   }
-  const Mail<double> requested = all_to_all(comm, requests);
+  out.received = all_to_all(comm, letters);
+  return out;
+}
 
-  // (c) The own facets near a requested box, then the rest of their rings
+/// Send each rank the own facets that are within reach of its slave boxes, or in the ring of one
+/// that is: so each facet comes from its owner only, and once.
+template <int D>
+Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
+                       std::span<const double> slave_boxes, std::span<const double> reach)
+{
+  const int size = comm_size(comm);
+  const std::vector<double> boxes = ringed.boxes();
+  const Requests<D> requests = request<D>(comm, boxes, slave_boxes, reach);
+
   const Incidence incidence(ringed);
-  std::vector<int> facet_sent_to(ringed.size(), -1), vertex_sent_to(incidence.vertex.size(), -1);
-  std::vector<int> selected;
+  std::vector<std::uint8_t> near(ringed.size()), at_near(incidence.vertex.size());
+  std::vector<double> grown;
   Parcels parcels(size);
   for (int r = 0; r < size; ++r)
   {
-    const std::span<const double> wanted = requested.from(r);
-    if (wanted.empty())
+    const int begin = requests.begin(r), end = requests.begin(r + 1);
+    if (begin == end)
       continue;
-    const BoxTree<D> tree(wanted);
-    selected.clear();
-    for (int f = 0; f < num_own; ++f)
+    grown.clear();
+    for (int k = begin; k < end; ++k)
+    {
+      // a little more than the reach, since rounding must not refuse what is within it
+      const double margin = std::min(requests.reach(k) * (1 + 1e-9), 1e100);
+      const Box<D> box = requests.box(k);
+      for (int i = 0; i < D; ++i)
+        grown.push_back(box.lo[i] - margin);
+      for (int i = 0; i < D; ++i)
+        grown.push_back(box.hi[i] + margin);
+    }
+    const BoxTree<D> tree(grown);
+    std::fill(at_near.begin(), at_near.end(), 0);
+    const int* vertex = incidence.number.data();
+    for (int f = 0; f < ringed.size(); ++f, vertex += ringed.nv())
     {
       const Box<D> box = BoxTree<D>::item_box(boxes, f);
-      bool near = false;
+      near[f] = false;
       tree.descend([&](const Box<D>& b) { return b.overlaps(box) ? 0.0 : INFINITY; },
                    [&](int i)
                    {
-                     near = near or BoxTree<D>::item_box(wanted, i).overlaps(box);
-                     return near ? -1.0 : 0.0; // −1: nothing improves on it, stop
+                     near[f] = near[f]
+                               or box.within(requests.box(begin + i), requests.reach(begin + i));
+                     return near[f] ? -1.0 : 0.0; // −1: nothing improves on it, stop
                    },
                    0.0);
-      if (near)
-        selected.push_back(f);
+      if (near[f])
+        std::for_each(vertex, vertex + ringed.nv(), [&](int v) { at_near[v] = true; });
     }
-    for (const int f : selected)
-    {
-      facet_sent_to[f] = r;
-      pack(ringed, f, true, r, parcels);
-    }
-    for (const int f : selected)
-      for (int v = 0; v < ringed.nv(); ++v)
-      {
-        const int i = incidence.number[static_cast<std::size_t>(f) * ringed.nv() + v];
-        if (std::exchange(vertex_sent_to[i], r) == r)
-          continue;
-        for (const int g : incidence.at(i))
-          if (std::exchange(facet_sent_to[g], r) != r)
-            pack(ringed, g, false, r, parcels);
-      }
+    vertex = incidence.number.data();
+    for (int f = 0; f < num_own; ++f, vertex += ringed.nv())
+      if (std::any_of(vertex, vertex + ringed.nv(), [&](int v) { return at_near[v]; }))
+        pack(ringed, f, near[f], r, parcels);
   }
   return parcels;
 }
 
+/// `distances` in D dimensions.
+template <int D>
+std::vector<double> nearest(MPI_Comm comm, const Surface& ringed, int num_own,
+                            std::span<const double> slave_boxes, std::span<const double> reach)
+{
+  const int size = comm_size(comm);
+  const std::vector<double> boxes = ringed.boxes();
+  const Requests<D> requests = request<D>(comm, boxes, slave_boxes, reach);
+  const BoxTree<D> tree(std::span<const double>(boxes).first(std::size_t(num_own) * 2 * D));
+  std::vector<std::vector<double>> answers(size);
+  for (int r = 0; r < size; ++r)
+    for (int k = requests.begin(r); k < requests.begin(r + 1); ++k)
+    {
+      const Box<D> slave = requests.box(k);
+      double best = INFINITY;
+      tree.descend([&](const Box<D>& b) { return b.distance2(slave); },
+                   [&](int f)
+                   {
+                     const Box<D> box = BoxTree<D>::item_box(boxes, f);
+                     if (box.within(slave, requests.reach(k)))
+                       best = std::min(best, box.distance2(slave));
+                     return best;
+                   },
+                   best);
+      answers[r].push_back(std::sqrt(best));
+    }
+  const Mail<double> received = all_to_all(comm, answers);
+  std::vector<double> out(reach.size(), INFINITY);
+  for (int r = 0; r < size; ++r)
+    for (std::size_t k = 0; k < requests.sent[r].size(); ++k)
+    {
+      double& distance = out[requests.sent[r][k]];
+      distance = std::min(distance, received.from(r)[k]);
+    }
+  return out;
+}
+
 } // namespace
+
+std::int64_t bytes_received()
+{
+  return bytes_in;
+}
 
 Surface with_ring(MPI_Comm comm, const Surface& own)
 {
@@ -324,31 +397,34 @@ Surface with_ring(MPI_Comm comm, const Surface& own)
   return out;
 }
 
-Surface with_targets(MPI_Comm comm, const Surface& ringed, int num_own,
-                     std::span<const double> slave_boxes, double radius)
+std::vector<double> distances(MPI_Comm comm, const Surface& ringed, int num_own,
+                              std::span<const double> slave_boxes, std::span<const double> reach)
 {
-  throw_together(comm, error_of(ringed, num_own, slave_boxes.size(), radius));
+  throw_together(comm, error_of(ringed, num_own, slave_boxes, reach));
+  return ringed.dim == 2 ? nearest<2>(comm, ringed, num_own, slave_boxes, reach)
+                         : nearest<3>(comm, ringed, num_own, slave_boxes, reach);
+}
+
+Surface with_targets(MPI_Comm comm, const Surface& ringed, int num_own,
+                     std::span<const double> slave_boxes, std::span<const double> reach)
+{
+  throw_together(comm, error_of(ringed, num_own, slave_boxes, reach));
   const Parcels parcels = ringed.dim == 2
-                              ? select_targets<2>(comm, ringed, num_own, slave_boxes, radius)
-                              : select_targets<3>(comm, ringed, num_own, slave_boxes, radius);
+                              ? select_targets<2>(comm, ringed, num_own, slave_boxes, reach)
+                              : select_targets<3>(comm, ringed, num_own, slave_boxes, reach);
   const Mail<std::int64_t> ints = all_to_all(comm, parcels.ints);
   const Mail<double> reals = all_to_all(comm, parcels.reals);
 
-  // One record a facet, in the order of ids; of several the one that is a candidate
   Surface out;
   out.dim = ringed.dim;
   out.ref = ringed.ref;
   const std::size_t width = num_ints(out);
-  std::vector<std::tuple<std::int64_t, int, std::size_t>> order; // (id, not a candidate, record)
+  std::vector<std::pair<std::int64_t, std::size_t>> order; // (id, record)
   for (std::size_t k = 0; k < ints.data.size() / width; ++k)
-    order.emplace_back(ints.data[k * width], ints.data[k * width + 3] == 0, k);
+    order.emplace_back(ints.data[k * width], k);
   std::sort(order.begin(), order.end());
-  for (std::size_t i = 0; i < order.size(); ++i)
-  {
-    const auto [id, ring_only, k] = order[i];
-    if (i == 0 or std::get<0>(order[i - 1]) != id)
-      unpack(&ints.data[k * width], &reals.data[k * num_reals(out)], out);
-  }
+  for (const auto& [id, k] : order)
+    unpack(&ints.data[k * width], &reals.data[k * num_reals(out)], out);
   out.number_nodes();
   return out;
 }

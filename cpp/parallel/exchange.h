@@ -3,8 +3,10 @@
 
 #include "../geometry/surface.h"
 
+#include <cstdint>
 #include <mpi.h>
 #include <span>
+#include <vector>
 
 namespace dolfinx_contact
 {
@@ -29,22 +31,30 @@ Surface with_ring(MPI_Comm comm, const Surface& own);
 
 /// The facets that may be a target of this rank's slave facets, and their one-rings.
 ///
-/// A facet may be a target if its current box, grown by `radius`, overlaps a slave box. Its whole
-/// ring comes along, so that its interpolated normals can be computed here. The result depends on
-/// this rank's slave boxes only, not on who owns which facet.
+/// A facet may be a target if its current box is within the reach of a slave box. Its whole ring
+/// comes along, so that its interpolated normals can be computed here. The result depends on this
+/// rank's slave boxes only, not on who owns which facet.
 ///
-/// Collective, and every rank talks only to those whose facets lie near its own slave boxes.
+/// Collective, and every rank talks only to those whose facets lie near its own slave facets.
 ///
 /// @param ringed the master surface by `with_ring`, in its current position
 /// @param num_own its first `num_own` facets are this rank's own
 /// @param slave_boxes current boxes of this rank's own slave facets, (n, 2, dim), lower then upper
 ///   corner, as from `Surface::boxes`
-/// @param radius how far away a target may be; infinite: the whole surface, to all ranks that have
-///   slave facets
+/// @param reach how far away from each box a target may be, (n); infinite: anywhere
 /// @return the facets that may be a target (candidate = 1) and those that are only in the ring of
 ///   one (candidate = 0), once each, sorted by `id`. `number_nodes` has been called, thus x = X
 /// @throws std::invalid_argument on all ranks if an argument is wrong on one of them
 Surface with_targets(MPI_Comm comm, const Surface& ringed, int num_own,
-                     std::span<const double> slave_boxes, double radius);
+                     std::span<const double> slave_boxes, std::span<const double> reach);
+
+/// Distance of each slave box from the nearest box of a master facet, infinite if there is none
+/// within its reach. Collective; arguments as for `with_targets`.
+std::vector<double> distances(MPI_Comm comm, const Surface& ringed, int num_own,
+                              std::span<const double> slave_boxes, std::span<const double> reach);
+
+/// Bytes that this rank has received from others by `with_ring`, `with_targets` and `distances`
+/// since the program began, those of collective calls included.
+std::int64_t bytes_received();
 
 } // namespace dolfinx_contact

@@ -15,6 +15,9 @@
 namespace dolfinx_contact
 {
 
+/// Bytes received from other ranks since the program began.
+inline std::int64_t bytes_in = 0;
+
 inline int comm_rank(MPI_Comm comm)
 {
   int rank;
@@ -36,6 +39,7 @@ inline void throw_together(MPI_Comm comm, const std::string& error)
   const int size = comm_size(comm);
   int first = error.empty() ? size : comm_rank(comm);
   MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, comm);
+  bytes_in += size > 1 ? sizeof(int) : 0;
   if (first == size)
     return;
   throw std::invalid_argument(
@@ -69,6 +73,8 @@ Mail<T> all_to_all(MPI_Comm comm, const std::vector<std::vector<T>>& out)
   std::vector<std::int64_t> send(size), receive(size);
   std::transform(out.begin(), out.end(), send.begin(), [](auto& v) { return std::ssize(v); });
   MPI_Alltoall(send.data(), 1, MPI_INT64_T, receive.data(), 1, MPI_INT64_T, comm);
+  const auto elsewhere = std::reduce(receive.begin(), receive.end()) - receive[comm_rank(comm)];
+  bytes_in += sizeof(std::int64_t) * (size - 1) + sizeof(T) * elsewhere;
   const std::int64_t total = std::max(std::reduce(send.begin(), send.end()),
                                       std::reduce(receive.begin(), receive.end()));
   throw_together(comm, total <= std::numeric_limits<int>::max()

@@ -39,6 +39,18 @@ struct Box
     return (lo <= p - radius).all() and (p + radius <= hi).all();
   }
 
+  /// Squared distance of another box, 0 if they overlap.
+  double distance2(const Box& b) const
+  {
+    return (lo - b.hi).max(b.lo - hi).max(0.0).square().sum();
+  }
+
+  /// True if the other box is not farther away than a distance; for an empty box never.
+  bool within(const Box& b, double distance) const
+  {
+    return (lo <= hi).all() and distance2(b) <= distance * distance;
+  }
+
   /// Squared distance of a point, 0 inside.
   double distance2(const Eigen::Array<double, D, 1>& p) const
   {

@@ -27,6 +27,8 @@ struct Target
   Vector<Q> xi = Vector<Q>::Zero();
   Clamp clamp = Clamp::none;
   std::int8_t edge = 0; ///< which edge or vertex (2D: end vertex)
+  /// Facets farther away than this have no say in the search that found it, or found nothing
+  double decided = INFINITY;
 };
 
 /// Projections of a point on one facet in its current position.

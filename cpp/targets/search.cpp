@@ -25,8 +25,13 @@ Search<D>::Search(const Surface& master, const SearchOptions<D>& options)
     _largest = *std::max_element(_diameter.begin(), _diameter.end());
     _typical = std::accumulate(_diameter.begin(), _diameter.end(), 0.0) / _diameter.size();
   }
-  _tree = BoxTree<D>(master.boxes());
+  const std::vector<double> boxes = master.boxes();
+  _tree = BoxTree<D>(boxes);
   _tree.link();
+  for (int f = 0; f < master.size(); ++f)
+    if (options.rule != TargetRule::proximity and master.ends[f] and master.candidate[f])
+      _at_end.push_back(f);
+  _end_tree = BoxTree<D>(end_boxes(boxes));
 
   // A corner is at an end if an edge of any facet that meets there is
   const Shape shape = master.ref.shape;
@@ -47,8 +52,21 @@ Search<D>::Search(const Surface& master, const SearchOptions<D>& options)
 template <int D>
 void Search<D>::refit(const Surface& master)
 {
-  _tree.refit(master.boxes());
+  const std::vector<double> boxes = master.boxes();
+  _tree.refit(boxes);
   _tree.link();
+  _end_tree.refit(end_boxes(boxes));
+}
+
+// Those of the facets at ends.
+template <int D>
+std::vector<double> Search<D>::end_boxes(std::span<const double> boxes) const
+{
+  std::vector<double> out;
+  out.reserve(_at_end.size() * 2 * D);
+  for (const int f : _at_end)
+    out.insert(out.end(), boxes.begin() + f * 2 * D, boxes.begin() + (f + 1) * 2 * D);
+  return out;
 }
 
 // Lower bound of the cost of all facets in a box; a line may pass it beside by `reach`.
@@ -270,19 +288,20 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
     if (kept.target.facet >= 0)
       best = kept;
   }
+  // Beside the surface (F5) and (F6) look at all ends within the radius
+  best.target.decided = best.target.facet < 0 ? INFINITY : best.cost;
   if (best.target.facet < 0 and _options.rule != TargetRule::proximity)
-    _tree.descend(
+    _end_tree.descend(
         [&](const Box<D>& box) { return bound(box, q, _options.end_tolerance * _largest); },
-        [&](int f)
+        [&](int i)
         {
-          if (q.master.candidate[f])
-            best_of(q, at_end(q, f), best);
+          best_of(q, at_end(q, _at_end[i]), best);
           return _options.radius; // keys are distances along the direction, costs beside it
         },
         _options.radius);
 
   if (best.target.facet >= 0 and not within_end(q, best.target))
-    return {};
+    best.target = {-1, Vector<Q>::Zero(), Clamp::none, 0, best.target.decided};
   return best.target;
 }
 

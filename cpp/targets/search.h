@@ -89,7 +89,10 @@ private:
   void best_of(const Query& q, const Found& found, Found& best) const;
 
   SearchOptions<D> _options;
+  std::vector<double> end_boxes(std::span<const double> boxes) const;
   BoxTree<D> _tree;
+  BoxTree<D> _end_tree;                   // of the facets at physical ends, for (F5) and (F6)
+  std::vector<int> _at_end;               // these facets
   std::vector<double> _diameter;          // of the facets, reference configuration
   double _largest = 0, _typical = 0;      // of them
   std::vector<std::uint8_t> _end_corners; // bit v: corner v is at a physical end

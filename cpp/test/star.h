@@ -185,7 +185,7 @@ struct StarScene
     const NormalDerivative<D> d = normals.derivative(master, target.facet);
     for (int c = 0; c < master.nv(); ++c)
     {
-      const Eigen::MatrixXd block = N[c] * of_m * d.dn[c];
+      const Eigen::MatrixXd block = N[c] * of_m * d.dn.template middleRows<D>(c * D);
       for (std::size_t i = 0; i < places.size(); ++i)
         for (std::size_t n = 0; n < d.nodes.size(); ++n)
           for (int l = 0; l < D; ++l)

@@ -270,26 +270,43 @@ std::vector<double> owned_boxes(const std::vector<double>& boxes, int dim, const
   return out;
 }
 
-// Facets of `whole` (in its current position) whose box, grown by radius, meets a slave box
-std::vector<int> targets(const Surface& whole, const std::vector<double>& slaves, double radius)
+// Squared distance of the boxes of facet f and of a slave
+double distance2(const std::vector<double>& boxes, int f, const double* slave, int dim)
 {
-  const int dim = whole.dim;
-  const std::vector<double> boxes = whole.boxes(radius);
+  double d2 = 0;
+  for (int k = 0; k < dim; ++k)
+  {
+    const double lo = boxes[f * 2 * dim + k], hi = boxes[(f * 2 + 1) * dim + k];
+    const double d = std::max({lo - slave[dim + k], slave[k] - hi, 0.0});
+    d2 += d * d;
+  }
+  return d2;
+}
+
+// Facets of `whole` (in its current position) whose box is within reach of a slave box
+std::vector<int> targets(const Surface& whole, const std::vector<double>& slaves,
+                         const std::vector<double>& reach)
+{
+  const std::vector<double> boxes = whole.boxes();
   std::vector<int> out;
   for (int f = 0; f < whole.size(); ++f)
   {
     bool near = false;
-    for (std::size_t s = 0; s < slaves.size(); s += 2 * dim)
-    {
-      bool overlap = true;
-      for (int k = 0; k < dim; ++k)
-        overlap = overlap and boxes[f * 2 * dim + k] <= slaves[s + dim + k]
-                  and slaves[s + k] <= boxes[(f * 2 + 1) * dim + k];
-      near = near or overlap;
-    }
+    for (std::size_t s = 0; s < reach.size(); ++s)
+      near = near
+             or distance2(boxes, f, &slaves[s * 2 * whole.dim], whole.dim) <= reach[s] * reach[s];
     if (near)
       out.push_back(f);
   }
+  return out;
+}
+
+// A reach for each slave box, that depends on where it is only
+std::vector<double> reaches(const std::vector<double>& slaves, int dim, double radius)
+{
+  std::vector<double> out;
+  for (std::size_t s = 0; s < slaves.size(); s += 2 * dim)
+    out.push_back(radius * (std::isinf(radius) ? 1 : 1 + 0.2 * std::sin(5 * slaves[s])));
   return out;
 }
 
@@ -373,9 +390,10 @@ TEST_CASE("with_targets brings exactly the targets and their rings", "[exchange]
     for (const double radius : {0.32, 0.5, std::numeric_limits<double>::infinity()})
     {
       // The case is worth its name: a small radius reaches some facets, not all, with others around
-      const int all = static_cast<int>(targets(whole, all_slaves, radius).size());
-      const int ringed_all
-          = static_cast<int>(with_neighbours(whole, targets(whole, all_slaves, radius)).size());
+      const std::vector<int> found
+          = targets(whole, all_slaves, reaches(all_slaves, whole.dim, radius));
+      const int all = static_cast<int>(found.size());
+      const int ringed_all = static_cast<int>(with_neighbours(whole, found).size());
       INFO(name << ", radius " << radius);
       if (std::isinf(radius))
         REQUIRE(all == whole.size());
@@ -394,11 +412,12 @@ TEST_CASE("with_targets brings exactly the targets and their rings", "[exchange]
           Surface ringed = with_ring(MPI_COMM_WORLD, part(whole, mine));
           move(ringed);
           const std::vector<double> slaves = owned_boxes(all_slaves, whole.dim, slave_d);
+          const std::vector<double> reach = reaches(slaves, whole.dim, radius);
           const Surface s
-              = with_targets(MPI_COMM_WORLD, ringed, static_cast<int>(mine.size()), slaves, radius);
+              = with_targets(MPI_COMM_WORLD, ringed, static_cast<int>(mine.size()), slaves, reach);
 
           // `expected` knows nothing of d: the same for all distributions of the masters
-          const std::vector<int> expected = targets(whole, slaves, radius);
+          const std::vector<int> expected = targets(whole, slaves, reach);
           const std::set<std::int64_t> near = ids(whole, {expected.begin(), expected.end()});
           const std::set<std::int64_t> both = ids(whole, with_neighbours(whole, expected));
           CHECK(s.id == std::vector<std::int64_t>(both.begin(), both.end())); // sorted, once each
@@ -406,40 +425,67 @@ TEST_CASE("with_targets brings exactly the targets and their rings", "[exchange]
             CHECK(bool(s.candidate[f]) == near.contains(s.id[f]));
 
           CHECK(is_faithful(s, whole, ends));
+
+          // and how far away the nearest one is
+          const std::vector<double> d
+              = distances(MPI_COMM_WORLD, ringed, static_cast<int>(mine.size()), slaves, reach);
+          const std::vector<double> boxes = whole.boxes();
+          for (std::size_t i = 0; i < reach.size(); ++i)
+          {
+            double least = INFINITY;
+            for (int f = 0; f < whole.size(); ++f)
+              least = std::min(least, distance2(boxes, f, &slaves[i * 2 * whole.dim], whole.dim));
+            if (not(least <= reach[i] * reach[i]))
+              least = INFINITY;
+            CHECK(d[i] == std::sqrt(least));
+          }
         }
     }
   }
 }
 
-TEST_CASE("with_targets reaches a slave at exactly the radius", "[exchange]")
+TEST_CASE("with_targets reaches a slave at exactly the distance", "[exchange]")
 {
-  // The coarse test between ranks and the fine one between boxes must round alike: height + radius
-  // is where the slave box begins, but (height + radius) - radius is not always height
+  // The coarse test between ranks and the fine one between boxes must round alike
   const double height = 0.7;
   Surface whole = grid(6, 6);
   for (std::size_t i = 2; i < whole.X.size(); i += 3)
     whole.X[i] = height;
   whole.number_nodes();
-  int uneven = 0;
   for (int i = 0; i < 20; ++i)
   {
-    const double radius = 0.1 * (i + 1), z = height + radius;
-    uneven += z - radius > height;
-    std::vector<double> slave;
+    const double z = height + 0.1 * (i + 1);
+    std::vector<double> slave, reach;
     if (comm_rank() == i % comm_size())
+    {
       slave = {2.2, 2.2, z, 2.4, 2.4, z + 0.1};
+      reach = {z - height};
+    }
     for (const auto& d : distributions())
     {
-      INFO(d.name << ", radius " << radius);
+      INFO(d.name << ", height " << z);
       const std::vector<int> own = owned(whole.size(), d);
       const Surface ringed = with_ring(MPI_COMM_WORLD, part(whole, own));
-      const Surface s = with_targets(MPI_COMM_WORLD, ringed, int(own.size()), slave, radius);
-      const std::vector<int> expected = targets(whole, slave, radius);
+      const Surface s = with_targets(MPI_COMM_WORLD, ringed, int(own.size()), slave, reach);
+      const std::vector<int> expected = targets(whole, slave, reach);
       CHECK(expected.empty() == slave.empty());
       CHECK(s.size() == int(with_neighbours(whole, expected).size()));
     }
   }
-  CHECK(uneven > 0);
+}
+
+TEST_CASE("bytes received are counted", "[exchange]")
+{
+  const Surface whole = grid(8, 8);
+  const std::int64_t before = bytes_received();
+  const std::vector<int> mine = owned(whole.size(), distributions()[0]);
+  const Surface s = with_ring(MPI_COMM_WORLD, part(whole, mine));
+  const std::int64_t bytes = bytes_received() - before;
+  // a ring facet is 12 integers and 12 reals; messages about vertices and counts add to it
+  const int ring = s.size() - int(mine.size());
+  CHECK((comm_size() > 1) == (bytes > 0));
+  CHECK(bytes >= ring * 24 * 8);
+  CHECK(bytes <= ring * 24 * 8 + 9 * 9 * 8 * 4 + 500 * comm_size());
 }
 
 TEST_CASE("a wrong argument on one rank is an error on all", "[exchange]")
@@ -458,7 +504,7 @@ TEST_CASE("a wrong argument on one rank is an error on all", "[exchange]")
   const int n = own.size();
   const std::vector<double> good(6, 0.0), bad(wrong ? 5 : 6, 0.0);
   auto call = [&](int num_own, const std::vector<double>& slaves, double radius)
-  { return with_targets(MPI_COMM_WORLD, s, num_own, slaves, radius); };
+  { return with_targets(MPI_COMM_WORLD, s, num_own, slaves, std::vector<double>(1, radius)); };
   CHECK_THROWS_AS(call(wrong ? s.size() + 1 : n, good, 1), std::invalid_argument);
   CHECK_THROWS_AS(call(n, bad, 1), std::invalid_argument);
   CHECK_THROWS_AS(call(n, good, wrong ? -1 : 1), std::invalid_argument);
