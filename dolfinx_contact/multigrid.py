@@ -1,176 +1,271 @@
 # SPDX-License-Identifier: MIT
-"""The first coarse level of smoothed aggregation for displacements of several bodies.
+"""Smoothed aggregation for the displacements of several bodies, on top of PETSc's PCMG.
 
 P. Vaněk, J. Mandel and M. Brezina, Algebraic multigrid by smoothed aggregation for second and fourth
 order elliptic problems, Computing 56 (1996): nodes are gathered in aggregates, on each of which the
-rigid motions are the coarse unknowns; the prolongation P₀ is then smoothed once,
+rigid motions are the coarse unknowns. Their prolongation P₀ is smoothed once,
 
     P = (I − ω D⁻¹ A) P₀,   D = diag A,  ω = 4/(3 λ_max(D⁻¹ A))
 
-Aggregates follow the meshes of the bodies, so that none has nodes of two bodies, whatever touches:
-the rigid motions of each body are in the range of P₀. The columns of a mesh node's dofs that
-Dirichlet conditions hold are left out.
+PETSc's own GAMG would gather nodes of two bodies where they touch, and the sliding of one on the other
+would be on no coarse level: with it the linear solves below take twice the iterations. Aggregates here
+follow the meshes of the bodies, on all levels, and the rigid motions of each body are in the range of
+the prolongations. Aggregates never leave a rank.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Sequence
 
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix, identity
 
 from . import compat
 
-# neighbours farther away than so many times the nearest one are not strong
+# Neighbours farther away than so many times the nearest one are not strongly connected: flat cells
+# are gathered across their thickness first.
 _FAR = 3.0
+# With fewer nodes on all ranks a level is the coarsest one.
+_COARSEST = 200
+# Rigid motions of an aggregate that are smaller, relative to its others, count as dependent: on three
+# nodes in a line, or where conditions hold all but one component.
+_DEPENDENT = 1e-6
 
 
-def aggregates(x: npt.NDArray[np.float64], cells: npt.NDArray[Any], free: Any) -> Any:
-    """Aggregate of each node, −1 for those left out, and the number of aggregates.
-
-    Roots are a maximal set of nodes with no common neighbour; each takes its neighbours, and what is
-    left joins a neighbour's aggregate.
-
-    Args:
-        x: positions of the nodes, (n, dim)
-        cells: nodes of each cell; those of n and above are not of this rank
-        free: whether each node takes part, (n,)
-    """
-    n = len(x)
-    G = _graph(x, cells, free)
-    rng = np.random.default_rng(1)
-    weight = rng.permutation(n) + 1
-    state = np.where(free, 0, -1)  # 0: undecided, 1: root, −1: not
-    while np.any(state == 0):
-        candidate = np.where(state == 0, weight, 0)
-        candidate[state == 1] = n + 1
-        largest = _largest(G, _largest(G, candidate))
-        new = (state == 0) & (largest == weight)
-        state[(state == 0) & (largest == n + 1)] = -1
-        state[new] = 1
-    roots = np.flatnonzero(state == 1)
-    number = np.zeros(n, dtype=np.int64)
-    number[roots] = np.arange(1, len(roots) + 1)
-    for _ in range(2):
-        number = np.where(number == 0, _largest(G, number), number)
-    return number - 1, len(roots)
-
-
-def _graph(x: npt.NDArray[np.float64], cells: npt.NDArray[Any], free: Any) -> Any:
-    """Which nodes are strongly connected, themselves included: by a cell, and near each other."""
-    n, width = len(x), cells.shape[1]
-    rows = np.repeat(np.arange(len(cells)), width)
-    inside = cells.ravel() < n
-    ones = np.ones(int(inside.sum()), dtype=np.int8)
-    C = csr_matrix((ones, (rows[inside], cells.ravel()[inside])), shape=(len(cells), n))
-    G = (C.T @ C).tocsr()
-    row = np.repeat(np.arange(n, dtype=np.int32), np.diff(G.indptr))
-    distance = np.linalg.norm(x[row] - x[G.indices], axis=1)
-    distance[row == G.indices] = np.inf
-    nearest = np.minimum.reduceat(np.append(distance, np.inf), G.indptr[:-1])
-    keep = (distance <= _FAR * np.maximum(nearest[row], nearest[G.indices])) | (row == G.indices)
-    keep &= (free[row] & free[G.indices]) | (row == G.indices)
-    pattern = csr_matrix((np.ones(int(keep.sum()), dtype=np.int8), G.indices[keep],
-                          np.concatenate([[0], np.cumsum(keep)])[G.indptr]), shape=(n, n))
-    return pattern
-
-
-def _largest(G: Any, values: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """The largest value among each node's neighbours and itself."""
-    return np.maximum.reduceat(values[G.indices], G.indptr[:-1])
-
-
-def rigid_modes(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Rigid motions at points; (n, dim, modes), modes 3 in 2D and 6 in 3D."""
+def rotations(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Displacements of points (n, dim) by unit rotations about the origin; (n, dim, 1 or 3)."""
     n, dim = x.shape
     planes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
-    modes = np.zeros((n, dim, dim + len(planes)))
-    modes[:, np.arange(dim), np.arange(dim)] = 1
+    modes = np.zeros((n, dim, len(planes)))
     for k, (i, j) in enumerate(planes):
-        modes[:, i, dim + k] = -x[:, j]
-        modes[:, j, dim + k] = x[:, i]
+        modes[:, i, k] = -x[:, j]
+        modes[:, j, k] = x[:, i]
     return modes
 
 
-class Coarsening:
-    """The prolongation from rigid motions of aggregates. The construction is collective.
+class Level:
+    """Nodes of a level on this rank.
 
     Args:
-        layout: numbering of the system; rows of other blocks are zero
-        blocks: those of displacements
-
-    Attributes:
-        P: not smoothed yet
-        modes: the rigid motions of space in the coarse unknowns, (owned, modes)
+        x: their positions, (n, dim)
+        basis: rigid motions about each node's own position in its unknowns, (n, unknowns, modes)
+        graph: strong connections, each node with itself; a CSR matrix of which the pattern counts
     """
 
-    def __init__(self, layout: Any, blocks: Any):
-        comm = layout.comm
-        dim = layout.functions[blocks[0]].function_space.mesh.geometry.dim
-        self.size = size = 3 if dim == 2 else 6
-        parts = [self._block(layout, block, dim) for block in blocks]
-        owned = size * sum(len(modes) for _, _, modes in parts)
-        first = comm.exscan(owned) or 0
-        n = layout.owned
-        indptr, columns, values = np.zeros(n + 1, dtype=np.int64), [], []
-        for block, (number, basis, modes) in zip(blocks, parts):
-            rows = np.repeat(number, dim)  # aggregate of each row
-            part = layout.slice(block)
-            indptr[part.start + 1 : part.stop + 1] = size * (rows >= 0)
-            at = rows[rows >= 0, None] * size + np.arange(size)
-            columns.append((first + at).ravel())
-            values.append(basis[rows >= 0].ravel())
-            first += size * len(modes)
-        self.modes = np.concatenate([m.reshape(-1, size) for _, _, m in parts])
-        self.P = PETSc.Mat().createAIJ(
-            ((n, None), (owned, None)),
-            csr=(
-                np.cumsum(indptr).astype(PETSc.IntType),
-                np.concatenate(columns).astype(PETSc.IntType),
-                np.concatenate(values),
-            ),
-            comm=comm,
-        )
+    def __init__(self, x: Any, basis: Any, graph: Any):
+        self.x, self.basis, self.graph = x, basis, graph
+        self.free = np.any(basis != 0, axis=(1, 2))
 
-    @staticmethod
-    def _block(layout: Any, block: int, dim: int) -> tuple[Any, Any, Any]:
-        """Of a displacement's owned nodes: their aggregates, an orthonormal basis of the
-        aggregates' rigid motions (dofs, modes), and space's in that basis (aggregates, modes, modes).
+    def coarser(self) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Level]:
+        """The next level, with the tentative prolongation P₀.
+
+        Returns:
+            aggregate of each node, −1 where P₀ is zero; its values, (n, unknowns, modes); the level
         """
-        u = layout.functions[block]
-        V = u.function_space
-        n = V.dofmap.index_map.size_local
-        x = V.tabulate_dof_coordinates()[:n, :dim]
-        held = layout.held_mask(block)[: n * dim].reshape(n, dim)
-        number, count = aggregates(x, compat.dof_list(V), ~held.all(axis=1))
-        inside = number >= 0
-        members = number[inside]
-        weight = np.maximum(np.bincount(members, minlength=count), 1)
-        centre = np.stack(
-            [np.bincount(members, x[inside, i], minlength=count) for i in range(dim)], axis=1
+        number, count = aggregates(self.graph, self.free)
+        inside = np.flatnonzero(number >= 0)
+        of, dim = number[inside], self.x.shape[1]
+        weight = np.bincount(of, minlength=count)[:, None]
+        centre = np.column_stack(
+            [np.bincount(of, self.x[inside, i], minlength=count) for i in range(dim)]
         )
-        centre /= weight[:, None]
-        local = np.zeros_like(x)
-        local[inside] = x[inside] - centre[members]
-        width = np.sqrt(np.bincount(members, (local[inside] ** 2).sum(axis=1), minlength=count))
-        width = np.where(width > 0, width / np.sqrt(weight), 1.0)
-        local[inside] /= width[members, None]
-        basis = rigid_modes(local) * (~held)[:, :, None]
-        size = basis.shape[2]
-        gram = np.zeros((count, size, size))
-        np.add.at(gram, members, np.einsum("nki,nkj->nij", basis[inside], basis[inside]))
+        centre /= weight
+        arm = self.x[inside] - centre[of]
+        size = np.sqrt(np.bincount(of, np.sum(arm**2, axis=1), minlength=count) / weight[:, 0])
+        size = np.where(size > 0, size, 1.0)
+        # motions about the aggregate's centre, rotations by the angle 1/size
+        modes = self.basis[inside].copy()
+        modes[:, :, dim:] += np.einsum("nki,nij->nkj", modes[:, :, :dim], rotations(arm))
+        modes[:, :, dim:] /= size[of, None, None]
+        # orthonormal on each aggregate
+        gram = _sums(np.einsum("nki,nkj->nij", modes, modes), of, count)
         values, vectors = np.linalg.eigh(gram)
-        present = values > 1e-6 * values[:, -1:]
+        present = values > _DEPENDENT * values[:, -1:]
         root = np.sqrt(np.where(present, values, 1.0))
-        turn = np.where(present[:, None, :], vectors / root[:, None, :], 0.0)
-        basis[inside] = np.einsum("nki,nij->nkj", basis[inside], turn[members])
-        # space's rigid motions are the local ones, and translations of the centre with rotations
-        whole = np.zeros((count, size, size))
-        whole[:] = np.eye(size)
-        whole[:, range(dim, size), range(dim, size)] = width[:, None]
-        whole[:, :dim, dim:] = rigid_modes(centre)[:, :, dim:]
-        back = np.where(present[:, None, :], vectors * root[:, None, :], 0.0)
-        modes = np.einsum("aij,aik->ajk", back, whole)
-        return number, basis.reshape(n * dim, size), modes
+        turn = np.where(present, 1 / root, 0.0)[:, None, :] * vectors
+        tentative = np.zeros_like(self.basis)
+        tentative[inside] = np.einsum("nki,nij->nkj", modes, turn[of])
+        basis = np.where(present, root, 0.0)[:, :, None] * vectors.transpose(0, 2, 1)
+        basis[:, :, dim:] *= size[:, None, None]
+        ones = np.ones(len(inside), dtype=np.int8)
+        gather = csr_matrix((ones, (inside, of)), shape=(len(number), count))
+        graph = (gather.T @ self.graph @ gather).tocsr()
+        return number, tentative, Level(centre, basis, _strong(centre, graph))
+
+
+def finest(u: Any, held: npt.NDArray[np.bool_]) -> Level:
+    """The nodes of a displacement that this rank owns, in their present positions.
+
+    Args:
+        u: displacement
+        held: dofs that Dirichlet conditions hold, (local dofs)
+    """
+    V = u.function_space
+    dim = V.mesh.geometry.dim
+    n, cells = V.dofmap.index_map.size_local, compat.dof_list(V)
+    x = V.tabulate_dof_coordinates()[:n, :dim] + u.x.array[: n * dim].reshape(n, dim)
+    basis = np.zeros((n, dim, 3 if dim == 2 else 6))
+    basis[:, range(dim), range(dim)] = ~held[: n * dim].reshape(n, dim)
+
+    rows, nodes = np.repeat(np.arange(len(cells)), cells.shape[1]), cells.ravel()
+    rows, nodes = rows[nodes < n], nodes[nodes < n]
+    ones = np.ones(len(nodes), dtype=np.int8)
+    on_cell = csr_matrix((ones, (rows, nodes)), shape=(len(cells), n))
+    graph = (on_cell.T @ on_cell + identity(n, dtype=np.int8)).tocsr()
+    return Level(x, basis, _strong(x, graph))
+
+
+def _strong(x: npt.NDArray[np.float64], graph: Any) -> Any:
+    """A graph without the connections of nodes that are far from each other. Each row has its
+    diagonal."""
+    rows = np.repeat(np.arange(len(x), dtype=np.int32), np.diff(graph.indptr))
+    diagonal = rows == graph.indices
+    distance = np.zeros(len(rows))
+    for i in range(x.shape[1]):
+        distance += (x[rows, i] - x[graph.indices, i]) ** 2
+    distance[diagonal] = np.inf
+    nearest = np.minimum.reduceat(distance, graph.indptr[:-1]) if len(x) else distance
+    distance[diagonal] = 0.0
+    keep = distance <= _FAR**2 * np.maximum(nearest[rows], nearest[graph.indices])
+    starts = np.concatenate([[0], np.cumsum(keep)])[graph.indptr]
+    ones = np.ones(int(starts[-1]), dtype=np.int8)
+    return csr_matrix((ones, graph.indices[keep], starts), shape=graph.shape)
+
+
+def aggregates(
+    graph: Any, free: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.int64], int]:
+    """Aggregate of each node, −1 for those that are not free, and the number of aggregates.
+
+    The roots are a maximal set of nodes without common neighbours (by random priorities); each has its
+    neighbours, and the nodes left join an aggregate beside them.
+    """
+    n = len(free)
+    priority = np.random.default_rng(1).permutation(n) + 1
+    undecided, root = free.copy(), np.zeros(n, dtype=bool)
+
+    def largest(values: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        values = np.where(free, values, 0)
+        return np.where(free, np.maximum.reduceat(values[graph.indices], graph.indptr[:-1]), 0)
+
+    while undecided.any():
+        value = np.where(undecided, priority, 0)
+        value[root] = n + 1
+        value = largest(largest(value))
+        root |= undecided & (value == priority)
+        undecided &= value < n + 1
+        undecided &= ~root
+    number = np.zeros(n, dtype=np.int64)
+    number[root] = np.arange(1, root.sum() + 1)
+    for _ in range(2):
+        number = np.where(number == 0, largest(number), number) if n else number
+    return number - 1, int(root.sum())
+
+
+def _sums(values: npt.NDArray[Any], of: npt.NDArray[Any], count: int) -> npt.NDArray[Any]:
+    """Sums of rows with the same number."""
+    flat = values.reshape(len(values), -1)
+    gather = csr_matrix((np.ones(len(of)), (of, np.arange(len(of)))), shape=(count, len(of)))
+    return (gather @ flat).reshape(count, *values.shape[1:])
+
+
+class Hierarchy:
+    """Prolongations for displacements, from the matrix of a system. Collective.
+
+    Args:
+        A: matrix of the system
+        layout: its numbering
+        blocks: displacements; rows of the other blocks have no part
+
+    Attributes:
+        P: prolongations, the finest first, that of the first from coarse unknowns to the system's
+    """
+
+    def __init__(self, A: Any, layout: Any, blocks: Sequence[int]):
+        self._comm = layout.comm
+        levels = [finest(layout.functions[b], layout.held_mask(b)) for b in blocks]
+        starts = np.array([layout.offsets[b] for b in blocks])
+        rows, self.P = layout.owned, []
+        while self._comm.allreduce(sum(len(level.x) for level in levels)) > _COARSEST:
+            steps = [level.coarser() for level in levels]
+            P0, rows, next_starts = self._tentative(rows, starts, steps)
+            before, after = P0.getSize()
+            if self.P and after > 0.7 * before:
+                break
+            self.P.append(_smoothed(A, P0))
+            A, levels, starts = coarse(A, self.P[-1]), [s[2] for s in steps], next_starts
+
+    def _tentative(self, rows: int, starts: Any, steps: Any) -> tuple[Any, int, Any]:
+        """P₀ of all blocks, its owned columns, and where each block starts among them."""
+        counts = [level.basis.shape[:2] for _, _, level in steps]
+        sizes = np.array([nodes * modes for nodes, modes in counts])
+        owned = int(sizes.sum())
+        next_starts = np.concatenate([[0], np.cumsum(sizes)])[:-1]
+        first = (self._comm.exscan(owned) or 0) + next_starts
+        lengths, columns, values = np.zeros(rows, dtype=np.int64), [], []
+        for start, column, (number, tentative, level) in zip(starts, first, steps):
+            n, width, modes = tentative.shape
+            lengths[start : start + n * width] = np.repeat(modes * (number >= 0), width)
+            inside = number >= 0
+            at = column + number[inside, None, None] * modes + np.arange(modes)
+            columns.append(np.broadcast_to(at, (len(at), width, modes)).ravel())
+            values.append(tentative[inside].ravel())
+        csr = (
+            np.concatenate([[0], np.cumsum(lengths)]).astype(PETSc.IntType),
+            np.concatenate(columns).astype(PETSc.IntType),
+            np.concatenate(values),
+        )
+        P0 = PETSc.Mat().createAIJ(((rows, None), (owned, None)), csr=csr, comm=self._comm)
+        return P0, owned, next_starts
+
+
+def coarse(A: Any, P: Any) -> Any:
+    """PᵀAP, with 1 on the diagonal where a column of P is zero. Collective."""
+    K = A.ptap(P)
+    mend(K)
+    return K
+
+
+def mend(K: Any) -> None:
+    """Put 1 on the diagonal where it is 0. Collective."""
+    diagonal = K.getDiagonal()
+    zero = diagonal.array_r == 0
+    if K.comm.tompi4py().allreduce(int(zero.sum())) > 0:
+        diagonal.array[zero] = 1.0
+        K.setDiagonal(diagonal)
+
+
+def inverse_diagonal(A: Any) -> Any:
+    """1/|diagonal|, and 1 where it is zero; a vector."""
+    inverse = A.getDiagonal()
+    d = np.abs(inverse.array_r)
+    inverse.array[:] = 1 / np.where(d > 0, d, 1.0)
+    return inverse
+
+
+def _smoothed(A: Any, P0: Any) -> Any:
+    """(I − ω D⁻¹ A) P₀. Collective."""
+    inverse = inverse_diagonal(A)
+    part = P0.createVecLeft()  # of ones where P₀ is not zero: λ_max is that of the displacements
+    x, y = A.createVecs()
+    x.setRandom()
+    ones = P0.createVecRight()
+    ones.set(1.0)
+    P0.mult(ones, part)
+    part.array[:] = part.array_r != 0
+    bound = 1.0
+    for _ in range(10):
+        x.pointwiseMult(x, part)
+        x.normalize()
+        A.mult(x, y)
+        y.pointwiseMult(y, inverse)
+        bound = y.norm()
+        y.copy(x)
+    P = A.matMult(P0)
+    inverse.scale(-4 / (3 * 1.1 * bound))
+    inverse.pointwiseMult(inverse, part)
+    P.diagonalScale(inverse, None)
+    P.axpy(1.0, P0, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    return P

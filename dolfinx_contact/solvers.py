@@ -9,7 +9,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from .errors import InputError
-from .multigrid import Coarsening
+from .multigrid import Hierarchy, coarse, inverse_diagonal, mend
+
+_DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 
 def direct(**options: Any) -> dict[str, Any]:
@@ -37,181 +39,129 @@ def iterative(**options: Any) -> dict[str, Any]:
 class SaddlePoint:
     """PETSc's python preconditioner: R⁻¹ with
 
-        R = [A_uu A_um; A_mu D],  D = diag(A_mm) − diag(A_mu diag(A_uu)⁻¹ A_um)
+        R = [A_uu A_um; A_mu D],  D = A_mm − A_mu diag(A_uu)⁻¹ A_um / γ
     """
 
     def __init__(self) -> None:
         self._system: Any = None
-        self._coarsening: Any = None
-        self._ptap: Any = None
+        self._hierarchy: Any = None
         self._mg: Any = None
 
     def use(self, system: Any) -> None:
         self._system = system
 
     def setUp(self, pc: Any) -> None:
-        system = self._system
-        layout, A = system.layout, pc.getOperators()[1]
-        opts = PETSc.Options()
-        gamma = opts.getReal("gamma", 1.0)
-        nu, self._n = len(system.u), layout.owned
-        cut = int(layout.offsets[nu])
-        self._cut = cut
-        comm = layout.comm
-        every = PETSc.IS().createGeneral(
-            (layout.start + np.arange(self._n)).astype(PETSc.IntType), comm=comm)
-        tail = PETSc.IS().createGeneral(
-            (layout.start + np.arange(cut, self._n)).astype(PETSc.IntType), comm=comm)
-        bulk = PETSc.IS().createGeneral(
-            (layout.start + np.arange(cut)).astype(PETSc.IntType), comm=comm)
-        d = A.getDiagonal()
-        # (n × m) and (m × n); the blocks A_mm in them are taken off
-        self._Aum = A.createSubMatrix(bulk, tail)
-        self._Amu = A.createSubMatrix(tail, bulk)
-        du = d.array_r[:cut].copy()
-        left, right = self._Amu.createVecs()  # left over bulk?, see petsc4py
-        scaled = self._Aum.copy()
-        v = scaled.createVecLeft()
-        v.array[:] = 1 / du
-        scaled.diagonalScale(v, None)
-        # diagonal of A_mu diag⁻¹ A_um
-        S = self._Amu.matMult(scaled)
-        s = S.getDiagonal().array_r.copy()
-        Amm = A.createSubMatrix(tail, tail)
-        ones = Amm.createVecRight(); ones.set(1.0)
-        lump = (Amm * ones).array_r.copy()
-        lump = d.array_r[cut:] if opts.getBool("nolump", False) else lump
-        D = lump - s / gamma
-        self._Dinv = 1.0 / D
-        if opts.getBool("schur_lu", False):
-            t = S.createVecLeft(); t.array[:] = -s / gamma
-            Amm.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-            Amm.setDiagonal(Amm.getDiagonal() + t)
-            k = PETSc.KSP().create(comm); k.setOperators(Amm); k.setType("preonly"); k.pc.setType("lu"); k.pc.setFactorSolverType("mumps"); k.setUp()
-            self._sk = k
-        else: self._sk = None
-        self._d = d.copy()
-        self._d.array[cut:] = 1.0
-        # augmented diagonal
-        self._du = du
-        aug = self._Aum.duplicate(copy=True)
-        # diag of A_um Dinv A_mu: sum_k Aum_ik Dinv_k Amu_ki
-        tr = self._Amu.copy(); tr.transpose()
-        aug2 = self._product_diag(self._Aum, tr, self._Dinv)
-        self._d.array[:cut] -= aug2
-        self._A = A
-        self._multigrid(pc, A)
-
-    def _product_diag(self, M, T, dinv):
-        """Σ_k M_ik dinv_k T_ik, for two matrices of like layout (seq prototype)."""
-        from scipy.sparse import csr_matrix
-        def sp(m):
-            i, j, v = m.getValuesCSR()
-            return csr_matrix((v, j, i), shape=m.getSize())
-        return np.asarray(sp(M).multiply(sp(T)).dot(dinv)).ravel()
-
-    def _multigrid(self, pc: Any, A: Any) -> None:
-        system = self._system
-        comm = system.comm
-        first = self._coarsening is None
-        if first:
-            c = self._coarsening = Coarsening(system.layout, range(len(system.u)))
-            dinv = self._d.copy(); dinv.reciprocal()
-            dA = A.getDiagonal(); dA.array[self._cut:] = 1.0; dA.reciprocal()
-            lam = power(lambda x: dA * (A * x), self._d, self._cut)
-            AP = A.matMult(c.P)
-            dA.scale(-4 / 3 / lam)
-            dA.array[self._cut:] = 0.0
-            AP.diagonalScale(dA, None)
-            AP.axpy(1.0, c.P, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-            self.P = AP
-            self._ptap = A.ptap(self.P)
-            rows = PETSc.IS().createGeneral(
-                (system.layout.start + np.arange(self._cut)).astype(PETSc.IntType), comm=comm)
-            cs = self.P.getOwnershipRangeColumn()
-            cols = PETSc.IS().createGeneral(np.arange(*cs).astype(PETSc.IntType), comm=comm)
-            self.Pu = self.P.createSubMatrix(rows, cols)
-        else:
-            A.ptap(self.P, result=self._ptap)
-        L = self.Pu.transposeMatMult(self._Aum)
-        R = self._Amu.matMult(self.Pu)
-        v = L.createVecRight(); v.array[:] = self._Dinv
-        L.diagonalScale(None, v)
-        X = L.matMult(R)
-        K = self._ptap.copy()
-        K.axpy(-1.0, X, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        dg = K.getDiagonal()
-        zero = dg.array_r == 0
-        self.zero = int(zero.sum())
-        if zero.any():
-            dg.array[zero] = 1.0
-            K.setDiagonal(dg)
-        K.setBlockSize(self._coarsening.size)
-        vecs = []
-        for m in self._coarsening.modes.T:
-            v = K.createVecRight(); v.array[:] = m; vecs.append(v)
-        orthonormalise(vecs)
-        K.setNearNullSpace(PETSc.NullSpace().create(vectors=vecs, comm=comm))
-        self.K = K
-        shell = PETSc.Mat().createPython(A.getSizes(), self, comm=comm); shell.setUp()
-        mg = PETSc.PC().create(comm)
-        mg.setOptionsPrefix((pc.getOptionsPrefix() or "") + "contact_")
-        mg.setType("mg"); mg.setMGLevels(2)
-        mg.setOperators(shell, shell)
-        mg.setMGInterpolation(1, self.P)
-        sm = mg.getMGSmoother(1)
-        sm.setOperators(shell, shell); sm.setType("chebyshev"); sm.pc.setType("jacobi")
-        cs = mg.getMGCoarseSolve(); cs.setOperators(K, K); cs.setType("preonly"); cs.pc.setType("gamg")
+        system, A = self._system, pc.getOperators()[1]
+        layout = system.layout
+        bulk = int(layout.offsets[len(system.u)])
+        prefix = pc.getOptionsPrefix() or ""
+        gamma = PETSc.Options().getReal(prefix + "gamma", 1.0)
+        if self._hierarchy is None:
+            self._hierarchy = Hierarchy(A, layout, range(len(system.u)))
+        P = self._hierarchy.P
+        self._augmented = _Augmented(A, layout, bulk, gamma)
+        operators = [self._augmented.matrix, *self._augmented.coarse(P)]
+        self._mg = mg = PETSc.PC().create(layout.comm)
+        mg.setOptionsPrefix(prefix + "contact_")
+        mg.setType("mg")
+        mg.setMGLevels(len(operators))
+        for level, K in enumerate(reversed(operators)):
+            solver = mg.getMGSmoother(level) if level else mg.getMGCoarseSolve()
+            solver.setOperators(K, K)
+            if level:
+                solver.setType("chebyshev")
+                solver.pc.setType("jacobi")
+                mg.setMGInterpolation(level, P[len(P) - level])
+            else:
+                solver.setType("preonly")
+                solver.pc.setType("lu")
+                solver.pc.setFactorSolverType("mumps")
+        mg.setOperators(operators[0], operators[0])
         mg.setFromOptions()
         mg.setUp()
-        self._mg = mg
-
-    # K_γ as a python matrix
-    def mult(self, mat: Any, x: Any, y: Any) -> None:
-        cut = self._cut
-        z = x.copy(); z.array[cut:] = 0.0
-        self._A.mult(z, y)
-        w = self._Aum.createVecRight()
-        w.array[:] = self._Dinv * y.array_r[cut:]
-        t = self._Aum.createVecLeft()
-        self._Aum.mult(w, t)
-        y.array[:cut] -= t.array_r
-        y.array[cut:] = x.array_r[cut:]
-
-    def getDiagonal(self, mat: Any, d: Any) -> None:
-        self._d.copy(d)
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
-        cut = self._cut
-        rm = r.array_r[cut:]
-        t = self._Aum.createVecLeft()
-        w = self._Aum.createVecRight()
-        w.array[:] = self._Dinv * rm
-        self._Aum.mult(w, t)
-        b = r.copy()
-        b.array[:cut] -= t.array_r
-        b.array[cut:] = 0.0
-        self._mg.apply(b, y)
-        t.array[:] = y.array_r[:cut]
-        self._Amu.mult(t, w)
-        if self._sk is not None:
-            w.array[:] = rm - w.array_r
-            z = w.duplicate(); self._sk.solve(w, z)
-            y.array[cut:] = z.array_r
-        else:
-            y.array[cut:] = self._Dinv * (rm - w.array_r)
+        """y = R⁻¹ r, with a cycle of multigrid for A_uu − A_um D⁻¹ A_mu."""
+        self._augmented.precondition(self._mg, r, y)
 
 
-def orthonormalise(vecs):
-    for i, v in enumerate(vecs):
-        for _ in range(2):
-            for w in vecs[:i]:
-                v.axpy(-v.dot(w), w)
-        v.normalize()
+class _Augmented:
+    """A_uu − A_um D⁻¹ A_mu as a matrix of the whole system, with 1 for the multipliers.
 
+    Nothing of A_uu is copied.
+    """
 
-def power(apply, like, cut, its=10):
-    x = like.duplicate(); x.setRandom(); x.array[cut:] = 0
-    for _ in range(its):
-        x.normalize(); y = apply(x); y.array[cut:] = 0; lam = y.norm(); x = y
-    return lam
+    def __init__(self, A: Any, layout: Any, bulk: int, gamma: float):
+        self._A, self._bulk = A, bulk
+        comm, rows = layout.comm, layout.start + np.arange(layout.owned, dtype=PETSc.IntType)
+        every, tail = (PETSc.IS().createGeneral(part, comm=comm) for part in (rows, rows[bulk:]))
+        self._diagonal = A.getDiagonal()
+        self._diagonal.array[bulk:] = 1.0
+        # A_um above A_mm, and A_mu beside A_mm
+        self._columns, self._rows = A.createSubMatrix(every, tail), A.createSubMatrix(tail, every)
+        compliance = inverse_diagonal(A)
+        compliance.array[bulk:] = 0.0
+        compliance.scale(-1.0 / gamma)
+        scaled = self._columns.copy()
+        scaled.diagonalScale(compliance, None)
+        D = self._rows.matMult(scaled)
+        scaled.destroy()
+        D.axpy(1.0, A.createSubMatrix(tail, tail), structure=_DIFFERENT)
+        self._D = D
+        self._solver = PETSc.KSP().create(comm)
+        self._solver.setOperators(D)
+        self._solver.setType("preonly")
+        self._solver.pc.setType("lu")
+        self._solver.pc.setFactorSolverType("mumps")
+        self._solver.setUp()
+        self._x, self._y = A.createVecs()
+        self._b = self._x.duplicate()
+        self._r, self._m = D.createVecs()
+        self.matrix = PETSc.Mat().createPython(A.getSizes(), self, comm=comm)
+        self.matrix.setUp()
+
+    def coarse(self, P: Any) -> list[Any]:
+        """The operators of the coarse levels."""
+        if not P:
+            return []
+        lumped = self._D.getDiagonal()
+        indptr, _, values = self._D.getValuesCSR()
+        if len(values):
+            lumped.array[:] = np.sign(lumped.array_r) / np.add.reduceat(np.abs(values), indptr[:-1])
+        left = P[0].transposeMatMult(self._columns)
+        left.diagonalScale(None, lumped)
+        K = self._A.ptap(P[0])
+        K.axpy(-1.0, left.matMult(self._rows.matMult(P[0])), structure=_DIFFERENT)
+        mend(K)
+        operators = [K]
+        for prolongation in P[1:]:
+            operators.append(coarse(operators[-1], prolongation))
+        return operators
+
+    def mult(self, matrix: Any, x: Any, y: Any) -> None:
+        bulk = self._bulk
+        x.copy(self._x)
+        self._x.array[bulk:] = 0.0
+        self._A.mult(self._x, y)
+        self._r.array[:] = y.array_r[bulk:]
+        self._solver.solve(self._r, self._m)
+        self._columns.mult(self._m, self._y)
+        y.axpy(-1.0, self._y)
+        y.array[bulk:] = x.array_r[bulk:]
+
+    def getDiagonal(self, matrix: Any, diagonal: Any) -> None:
+        self._diagonal.copy(diagonal)
+
+    def precondition(self, mg: Any, r: Any, y: Any) -> None:
+        bulk = self._bulk
+        self._r.array[:] = r.array_r[bulk:]
+        self._solver.solve(self._r, self._m)
+        self._columns.mult(self._m, self._b)
+        self._b.aypx(-1.0, r)
+        self._b.array[bulk:] = 0.0
+        mg.apply(self._b, y)
+        y.array[bulk:] = 0.0
+        self._rows.mult(y, self._m)
+        self._r.array[:] = r.array_r[bulk:] - self._m.array_r
+        self._solver.solve(self._r, self._m)
+        y.array[bulk:] = self._m.array_r
