@@ -15,7 +15,7 @@ the prolongations. Aggregates never leave a rank.
 
 from __future__ import annotations
 
-from typing import Any, Sequence
+from typing import Any, Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -120,9 +120,10 @@ def finest(u: Any, held: npt.NDArray[np.bool_]) -> Level:
 def _strong(x: npt.NDArray[np.float64], graph: Any) -> Any:
     """A graph without the connections of nodes that are far from each other. Each row has its
     diagonal."""
+    x = (x - x.mean(axis=0) if len(x) else x).astype(np.float32)
     rows = np.repeat(np.arange(len(x), dtype=np.int32), np.diff(graph.indptr))
     diagonal = rows == graph.indices
-    distance = np.zeros(len(rows))
+    distance = np.zeros(len(rows), dtype=np.float32)
     for i in range(x.shape[1]):
         distance += (x[rows, i] - x[graph.indices, i]) ** 2
     distance[diagonal] = np.inf
@@ -134,33 +135,30 @@ def _strong(x: npt.NDArray[np.float64], graph: Any) -> Any:
     return csr_matrix((ones, graph.indices[keep], starts), shape=graph.shape)
 
 
-def aggregates(
-    graph: Any, free: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.int64], int]:
+def aggregates(graph: Any, free: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int64], int]:
     """Aggregate of each node, −1 for those that are not free, and the number of aggregates.
 
-    The roots are a maximal set of nodes without common neighbours (by random priorities); each has its
-    neighbours, and the nodes left join an aggregate beside them.
+    The roots are a maximal set of nodes more than three connections apart (by random priorities); all
+    others join an aggregate beside them. On hexahedra aggregates have about 80 nodes: with roots two
+    connections apart coarse matrices have three times the entries, for a fifth fewer iterations.
     """
     n = len(free)
     priority = np.random.default_rng(1).permutation(n) + 1
     undecided, root = free.copy(), np.zeros(n, dtype=bool)
 
     def largest(values: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-        values = np.where(free, values, 0)
         return np.where(free, np.maximum.reduceat(values[graph.indices], graph.indptr[:-1]), 0)
 
     while undecided.any():
         value = np.where(undecided, priority, 0)
         value[root] = n + 1
-        value = largest(largest(value))
+        value = largest(largest(largest(value)))
         root |= undecided & (value == priority)
-        undecided &= value < n + 1
-        undecided &= ~root
+        undecided &= (value < n + 1) & ~root
     number = np.zeros(n, dtype=np.int64)
     number[root] = np.arange(1, root.sum() + 1)
-    for _ in range(2):
-        number = np.where(number == 0, largest(number), number) if n else number
+    while np.any(free & (number == 0)):
+        number = np.where(number == 0, largest(number), number)
     return number - 1, int(root.sum())
 
 
@@ -172,30 +170,46 @@ def _sums(values: npt.NDArray[Any], of: npt.NDArray[Any], count: int) -> npt.NDA
 
 
 class Hierarchy:
-    """Prolongations for displacements, from the matrix of a system. Collective.
+    """Prolongations for the displacements of a system, made for the first matrix.
 
     Args:
-        A: matrix of the system
-        layout: its numbering
+        layout: numbering of the system
         blocks: displacements; rows of the other blocks have no part
 
     Attributes:
-        P: prolongations, the finest first, that of the first from coarse unknowns to the system's
+        P: prolongations, the finest first: that from the first coarse unknowns to the system's
     """
 
-    def __init__(self, A: Any, layout: Any, blocks: Sequence[int]):
-        self._comm = layout.comm
-        levels = [finest(layout.functions[b], layout.held_mask(b)) for b in blocks]
-        starts = np.array([layout.offsets[b] for b in blocks])
-        rows, self.P = layout.owned, []
+    def __init__(self, layout: Any, blocks: Sequence[int]):
+        self._comm, self._layout, self._blocks = layout.comm, layout, list(blocks)
+        self.P: list[Any] = []
+
+    def operators(self, A: Any, first: Callable[[Any], Any]) -> list[Any]:
+        """Matrices of the coarse levels, the finest first. Collective.
+
+        Args:
+            A: matrix of the system
+            first: takes the first prolongation, and returns the matrix of the first coarse level
+        """
+        if self.P:
+            matrices = [first(self.P[0])]
+            for P in self.P[1:]:
+                matrices.append(coarse(matrices[-1], P))
+            return matrices
+        matrices, layout = [], self._layout
+        levels = [finest(layout.functions[b], layout.held_mask(b)) for b in self._blocks]
+        starts = np.array([layout.offsets[b] for b in self._blocks])
+        rows = layout.owned
         while self._comm.allreduce(sum(len(level.x) for level in levels)) > _COARSEST:
             steps = [level.coarser() for level in levels]
-            P0, rows, next_starts = self._tentative(rows, starts, steps)
+            P0, rows, starts = self._tentative(rows, starts, steps)
             before, after = P0.getSize()
-            if self.P and after > 0.7 * before:
+            if after > 0.7 * before:  # many ranks with few nodes each
                 break
-            self.P.append(_smoothed(A, P0))
-            A, levels, starts = coarse(A, self.P[-1]), [s[2] for s in steps], next_starts
+            self.P.append(_smoothed(matrices[-1] if matrices else A, P0))
+            levels = [level for _, _, level in steps]
+            matrices.append(coarse(matrices[-1], self.P[-1]) if matrices else first(self.P[0]))
+        return matrices
 
     def _tentative(self, rows: int, starts: Any, steps: Any) -> tuple[Any, int, Any]:
         """P₀ of all blocks, its owned columns, and where each block starts among them."""
@@ -223,18 +237,17 @@ class Hierarchy:
 
 def coarse(A: Any, P: Any) -> Any:
     """PᵀAP, with 1 on the diagonal where a column of P is zero. Collective."""
-    K = A.ptap(P)
-    mend(K)
-    return K
+    return mended(A.ptap(P))
 
 
-def mend(K: Any) -> None:
-    """Put 1 on the diagonal where it is 0. Collective."""
+def mended(K: Any) -> Any:
+    """K with 1 on the diagonal where it was 0. Collective."""
     diagonal = K.getDiagonal()
     zero = diagonal.array_r == 0
     if K.comm.tompi4py().allreduce(int(zero.sum())) > 0:
         diagonal.array[zero] = 1.0
         K.setDiagonal(diagonal)
+    return K
 
 
 def inverse_diagonal(A: Any) -> Any:

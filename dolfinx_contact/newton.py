@@ -12,6 +12,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from .report import Report
+from .solvers import SaddlePoint, direct
 from .system import System
 
 log = logging.getLogger("dolfinx_contact")
@@ -22,9 +23,7 @@ _PATIENCE = 3
 _DEFAULTS: dict[str, Any] = {
     "snes_type": "newtonls",
     "snes_linesearch_type": "basic",
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
+    **direct(),
 }
 
 
@@ -70,6 +69,9 @@ class NewtonLoop:
         snes.setOptionsPrefix(prefix)
         snes.setFromOptions()
         self._keys = [prefix + key for key in given]
+        pc = snes.getKSP().getPC()
+        if pc.getType() == "python" and isinstance(pc.getPythonContext(), SaddlePoint):
+            pc.getPythonContext().use(system)
         snes.setConvergenceTest(self._test)
         snes.setLineSearchPreCheck(self._shorten)
         return snes

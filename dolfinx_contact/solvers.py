@@ -1,21 +1,50 @@
 # SPDX-License-Identifier: MIT
-"""Presets of PETSc options for the linear systems of Newton's iterations."""
+"""Presets of PETSc options for the linear systems of Newton's iterations.
+
+>>> problem = ContactProblem(F, u, pairs, bcs=bcs, petsc_options=solvers.iterative())
+
+The iterative one preconditions the saddle point of displacements u and multipliers m (λ, Λ),
+
+    A = [A_uu A_um; A_mu A_mm]
+
+by the augmented (regularised) matrix R, in which the multipliers have a scaled mass matrix D, which is
+eliminated:
+
+    R = [A_uu A_um; A_mu D],   D = A_mm − γ⁻¹ A_mu diag(A_uu)⁻¹ A_um
+    R⁻¹ r:  u = K⁻¹ (r_u − A_um D⁻¹ r_m),  m = D⁻¹ (r_m − A_mu u),   K = A_uu − A_um D⁻¹ A_mu
+
+as in augmented Lagrangian preconditioners (M. Benzi and M. A. Olshanskii, SIAM J. Sci. Comput. 28
+(2006); M. Benzi, G. H. Golub and J. Liesen, Acta Numerica 14 (2005)). In contact A_mm is zero, and the
+eigenvalues of R⁻¹A are 1 and those of (S + γ⁻¹ S_D)⁻¹ S, with the Schur complement S = A_mu A_uu⁻¹ A_um
+and S_D that of the diagonal. A facet's size h, a pressure of wave length ℓ and Young's modulus E give
+S ~ ℓ/E and S_D ~ h/E times the mass matrix; since ℓ ≥ h, the eigenvalues stay between a constant and 1
+on any mesh. Rows of open particles are in A_mm, and D has them exactly. K⁻¹ is one cycle of multigrid
+(multigrid.py).
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from petsc4py import PETSc
 
 from .errors import InputError
-from .multigrid import Hierarchy, coarse, inverse_diagonal, mend
+from .multigrid import Hierarchy, inverse_diagonal, mended
 
 _DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 
 def direct(**options: Any) -> dict[str, Any]:
-    """LU by MUMPS, the default."""
+    """LU factors by MUMPS: the default.
+
+    Args:
+        options: further ones of PETSc, which overrule those here
+
+    Returns:
+        for ContactProblem's petsc_options
+    """
     return {
         "ksp_type": "preonly",
         "pc_type": "lu",
@@ -25,6 +54,18 @@ def direct(**options: Any) -> dict[str, Any]:
 
 
 def iterative(**options: Any) -> dict[str, Any]:
+    """FGMRES with a multigrid cycle on the augmented displacement block, for large 3D problems.
+
+    For displacements in Lagrange spaces, of one mesh or several, with any pairs. What ContactProblem
+    raises with other unknowns (mixed models) is an InputError.
+
+    Args:
+        options: further ones of PETSc, which overrule those here; those of the multigrid begin with
+            contact_ (contact_mg_levels_ksp_max_it=3), and contact_gamma is γ (1)
+
+    Returns:
+        for ContactProblem's petsc_options
+    """
     return {
         "ksp_type": "fgmres",
         "ksp_rtol": 1e-8,
@@ -37,131 +78,173 @@ def iterative(**options: Any) -> dict[str, Any]:
 
 
 class SaddlePoint:
-    """PETSc's python preconditioner: R⁻¹ with
-
-        R = [A_uu A_um; A_mu D],  D = A_mm − A_mu diag(A_uu)⁻¹ A_um / γ
-    """
+    """PETSc's python preconditioner R⁻¹. NewtonLoop tells it the system."""
 
     def __init__(self) -> None:
         self._system: Any = None
         self._hierarchy: Any = None
-        self._mg: Any = None
+        self._cycle: Any = None
+        self._augmented: Any = None
 
     def use(self, system: Any) -> None:
+        """Precondition the matrices of a system.
+
+        Raises:
+            InputError: a bulk unknown is not a displacement
+        """
+        for u in system.u:
+            dim = u.function_space.mesh.geometry.dim
+            if u.function_space.dofmap.index_map_bs != dim:
+                raise InputError(
+                    f"solvers.iterative: the unknown {u.name} is not a displacement with {dim}"
+                    " components; mixed models need the default, solvers.direct()."
+                )
         self._system = system
+        self._hierarchy = Hierarchy(system.layout, range(len(system.u)))
 
     def setUp(self, pc: Any) -> None:
-        system, A = self._system, pc.getOperators()[1]
-        layout = system.layout
-        bulk = int(layout.offsets[len(system.u)])
-        prefix = pc.getOptionsPrefix() or ""
+        """For the present matrix. Prolongations are made once. Collective."""
+        self.reset(pc)
+        if self._system is None:
+            raise InputError("solvers.SaddlePoint only works within a ContactProblem.")
+        A, layout, prefix = pc.getOperators()[1], self._system.layout, pc.getOptionsPrefix() or ""
+        prefix += "contact_"
+        if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
+            return
+        bulk = int(layout.offsets[len(self._system.u)])
         gamma = PETSc.Options().getReal(prefix + "gamma", 1.0)
-        if self._hierarchy is None:
-            self._hierarchy = Hierarchy(A, layout, range(len(system.u)))
-        P = self._hierarchy.P
         self._augmented = _Augmented(A, layout, bulk, gamma)
-        operators = [self._augmented.matrix, *self._augmented.coarse(P)]
-        self._mg = mg = PETSc.PC().create(layout.comm)
-        mg.setOptionsPrefix(prefix + "contact_")
-        mg.setType("mg")
-        mg.setMGLevels(len(operators))
+        operators = [self._augmented.matrix]
+        operators += self._hierarchy.operators(A, self._augmented.coarse)
+        self._cycle = PETSc.PC().create(layout.comm)
+        self._cycle.setOptionsPrefix(prefix)
+        self._cycle.setType("mg")
+        self._cycle.setMGLevels(len(operators))
+        self._cycle.setOperators(operators[0], operators[0])
         for level, K in enumerate(reversed(operators)):
-            solver = mg.getMGSmoother(level) if level else mg.getMGCoarseSolve()
-            solver.setOperators(K, K)
-            if level:
+            if level == 0:
+                solver = self._cycle.getMGCoarseSolve()
+                solver.setType("preonly")
+                _factor(solver.pc)
+            else:
+                solver = self._cycle.getMGSmoother(level)
                 solver.setType("chebyshev")
                 solver.pc.setType("jacobi")
-                mg.setMGInterpolation(level, P[len(P) - level])
-            else:
-                solver.setType("preonly")
-                solver.pc.setType("lu")
-                solver.pc.setFactorSolverType("mumps")
-        mg.setOperators(operators[0], operators[0])
-        mg.setFromOptions()
-        mg.setUp()
+                self._cycle.setMGInterpolation(level, self._hierarchy.P[-level])
+            solver.setOperators(K, K)
+        self._cycle.setFromOptions()
+        self._cycle.setUp()
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
-        """y = R⁻¹ r, with a cycle of multigrid for A_uu − A_um D⁻¹ A_mu."""
-        self._augmented.precondition(self._mg, r, y)
+        """y = R⁻¹ r. Collective."""
+        if self._cycle is None:  # the matrix is not finite: PETSc ends the solve
+            y.set(np.nan)
+        else:
+            self._augmented.eliminate(self._cycle, r, y)
+
+    def reset(self, pc: Any) -> None:
+        """Forget the last matrix."""
+        if self._cycle is not None:
+            self._cycle.destroy()
+            self._augmented.free()
+        self._cycle = self._augmented = None
 
 
 class _Augmented:
-    """A_uu − A_um D⁻¹ A_mu as a matrix of the whole system, with 1 for the multipliers.
+    """K = A_uu − A_um D⁻¹ A_mu, as a matrix of the whole system with 1 for the multipliers.
 
-    Nothing of A_uu is copied.
+    Nothing of A_uu is copied. The construction is collective.
+
+    Args:
+        A: matrix of the system
+        layout: its numbering
+        bulk: number of owned displacement dofs, which come first
+        gamma: γ, the augmentation in units of the diagonal of A_uu
+
+    Attributes:
+        matrix: K for PETSc
     """
 
     def __init__(self, A: Any, layout: Any, bulk: int, gamma: float):
         self._A, self._bulk = A, bulk
-        comm, rows = layout.comm, layout.start + np.arange(layout.owned, dtype=PETSc.IntType)
-        every, tail = (PETSc.IS().createGeneral(part, comm=comm) for part in (rows, rows[bulk:]))
-        self._diagonal = A.getDiagonal()
-        self._diagonal.array[bulk:] = 1.0
-        # A_um above A_mm, and A_mu beside A_mm
-        self._columns, self._rows = A.createSubMatrix(every, tail), A.createSubMatrix(tail, every)
+        rows = layout.start + np.arange(layout.owned, dtype=PETSc.IntType)
+        # no strides: with those PETSc 3.18 returns wrong submatrices on one rank
+        whole = PETSc.IS().createGeneral(rows, comm=layout.comm)
+        multipliers = PETSc.IS().createGeneral(rows[bulk:], comm=layout.comm)
+        # A_um and A_mu, with A_mm below and beside them
+        self._columns = A.createSubMatrix(whole, multipliers)
+        self._rows = A.createSubMatrix(multipliers, whole)
         compliance = inverse_diagonal(A)
         compliance.array[bulk:] = 0.0
         compliance.scale(-1.0 / gamma)
         scaled = self._columns.copy()
         scaled.diagonalScale(compliance, None)
-        D = self._rows.matMult(scaled)
-        scaled.destroy()
-        D.axpy(1.0, A.createSubMatrix(tail, tail), structure=_DIFFERENT)
-        self._D = D
-        self._solver = PETSc.KSP().create(comm)
-        self._solver.setOperators(D)
+        self._D = self._rows.matMult(scaled)
+        self._D.axpy(1.0, A.createSubMatrix(multipliers, multipliers), structure=_DIFFERENT)
+        self._solver = PETSc.KSP().create(layout.comm)
+        self._solver.setOperators(self._D)
         self._solver.setType("preonly")
-        self._solver.pc.setType("lu")
-        self._solver.pc.setFactorSolverType("mumps")
-        self._solver.setUp()
+        _factor(self._solver.pc)
+        self._any = self._D.getSize()[0] > 0
+        if self._any:
+            self._solver.setUp()
         self._x, self._y = A.createVecs()
-        self._b = self._x.duplicate()
-        self._r, self._m = D.createVecs()
-        self.matrix = PETSc.Mat().createPython(A.getSizes(), self, comm=comm)
+        self._b = A.createVecLeft()
+        self._r, self._m = self._D.createVecs()
+        self.matrix = PETSc.Mat().createPython(A.getSizes(), self, comm=layout.comm)
         self.matrix.setUp()
 
-    def coarse(self, P: Any) -> list[Any]:
-        """The operators of the coarse levels."""
-        if not P:
-            return []
-        lumped = self._D.getDiagonal()
-        indptr, _, values = self._D.getValuesCSR()
-        if len(values):
-            lumped.array[:] = np.sign(lumped.array_r) / np.add.reduceat(np.abs(values), indptr[:-1])
-        left = P[0].transposeMatMult(self._columns)
-        left.diagonalScale(None, lumped)
-        K = self._A.ptap(P[0])
-        K.axpy(-1.0, left.matMult(self._rows.matMult(P[0])), structure=_DIFFERENT)
-        mend(K)
-        operators = [K]
-        for prolongation in P[1:]:
-            operators.append(coarse(operators[-1], prolongation))
-        return operators
+    def free(self) -> None:
+        """Free the memory now: PETSc's references to this object would keep it."""
+        for thing in (self.matrix, self._solver, self._D, self._rows, self._columns):
+            thing.destroy()
+
+    def _solve(self, r: npt.NDArray[np.float64]) -> Any:
+        """D⁻¹ r. Collective."""
+        self._r.array[:] = r
+        if self._any:
+            self._solver.solve(self._r, self._m)
+        return self._m
 
     def mult(self, matrix: Any, x: Any, y: Any) -> None:
+        """y = K x. Collective."""
         bulk = self._bulk
         x.copy(self._x)
         self._x.array[bulk:] = 0.0
         self._A.mult(self._x, y)
-        self._r.array[:] = y.array_r[bulk:]
-        self._solver.solve(self._r, self._m)
-        self._columns.mult(self._m, self._y)
+        self._columns.mult(self._solve(y.array_r[bulk:]), self._y)
         y.axpy(-1.0, self._y)
         y.array[bulk:] = x.array_r[bulk:]
 
     def getDiagonal(self, matrix: Any, diagonal: Any) -> None:
-        self._diagonal.copy(diagonal)
+        """That of A_uu, for the smoother: the augmentation is at most γ times it."""
+        self._A.getDiagonal(diagonal)
+        diagonal.array[self._bulk :] = 1.0
 
-    def precondition(self, mg: Any, r: Any, y: Any) -> None:
+    def coarse(self, P: Any) -> Any:
+        """PᵀKP, with D lumped: pressures of coarse displacements are smooth. Collective."""
+        inverse = self._D.getDiagonal()
+        starts, _, values = self._D.getValuesCSR()
+        if len(values):
+            inverse.array[:] = np.sign(inverse.array_r) / np.add.reduceat(abs(values), starts[:-1])
+        left = P.transposeMatMult(self._columns)
+        left.diagonalScale(None, inverse)
+        K = self._A.ptap(P)
+        K.axpy(-1.0, left.matMult(self._rows.matMult(P)), structure=_DIFFERENT)
+        return mended(K)
+
+    def eliminate(self, cycle: Any, r: Any, y: Any) -> None:
+        """y = R⁻¹ r, with a preconditioner of K. Collective."""
         bulk = self._bulk
-        self._r.array[:] = r.array_r[bulk:]
-        self._solver.solve(self._r, self._m)
-        self._columns.mult(self._m, self._b)
+        self._columns.mult(self._solve(r.array_r[bulk:]), self._b)
         self._b.aypx(-1.0, r)
         self._b.array[bulk:] = 0.0
-        mg.apply(self._b, y)
+        cycle.apply(self._b, y)
         y.array[bulk:] = 0.0
         self._rows.mult(y, self._m)
-        self._r.array[:] = r.array_r[bulk:] - self._m.array_r
-        self._solver.solve(self._r, self._m)
-        y.array[bulk:] = self._m.array_r
+        y.array[bulk:] = self._solve(r.array_r[bulk:] - self._m.array_r).array_r
+
+
+def _factor(pc: Any) -> None:
+    pc.setType("lu")
+    pc.setFactorSolverType("mumps")
