@@ -20,7 +20,7 @@ from typing import Any, Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
-from scipy.sparse import csr_matrix, identity
+from scipy.sparse import csr_matrix
 
 from . import compat
 
@@ -28,7 +28,7 @@ from . import compat
 # are gathered across their thickness first.
 _FAR = 3.0
 # With fewer nodes on all ranks a level is the coarsest one.
-_COARSEST = 200
+_COARSEST = 300
 # Rigid motions of an aggregate that are smaller, relative to its others, count as dependent: on three
 # nodes in a line, or where conditions hold all but one component.
 _DEPENDENT = 1e-6
@@ -109,12 +109,11 @@ def finest(u: Any, held: npt.NDArray[np.bool_]) -> Level:
     basis = np.zeros((n, dim, 3 if dim == 2 else 6))
     basis[:, range(dim), range(dim)] = ~held[: n * dim].reshape(n, dim)
 
-    rows, nodes = np.repeat(np.arange(len(cells)), cells.shape[1]), cells.ravel()
-    rows, nodes = rows[nodes < n], nodes[nodes < n]
+    starts = np.concatenate([[0], np.cumsum((cells < n).sum(axis=1))])
+    nodes = cells[cells < n]
     ones = np.ones(len(nodes), dtype=np.int8)
-    on_cell = csr_matrix((ones, (rows, nodes)), shape=(len(cells), n))
-    graph = (on_cell.T @ on_cell + identity(n, dtype=np.int8)).tocsr()
-    return Level(x, basis, _strong(x, graph))
+    on_cell = csr_matrix((ones, nodes, starts), shape=(len(cells), n))
+    return Level(x, basis, _strong(x, on_cell.T.tocsr() @ on_cell))
 
 
 def _strong(x: npt.NDArray[np.float64], graph: Any) -> Any:
@@ -130,7 +129,9 @@ def _strong(x: npt.NDArray[np.float64], graph: Any) -> Any:
     nearest = np.minimum.reduceat(distance, graph.indptr[:-1]) if len(x) else distance
     distance[diagonal] = 0.0
     keep = distance <= _FAR**2 * np.maximum(nearest[rows], nearest[graph.indices])
-    starts = np.concatenate([[0], np.cumsum(keep)])[graph.indptr]
+    starts = np.zeros(len(keep) + 1, dtype=np.int32)
+    np.cumsum(keep, out=starts[1:])
+    starts = starts[graph.indptr]
     ones = np.ones(int(starts[-1]), dtype=np.int8)
     return csr_matrix((ones, graph.indices[keep], starts), shape=graph.shape)
 
@@ -203,13 +204,22 @@ class Hierarchy:
         while self._comm.allreduce(sum(len(level.x) for level in levels)) > _COARSEST:
             steps = [level.coarser() for level in levels]
             P0, rows, starts = self._tentative(rows, starts, steps)
-            before, after = P0.getSize()
-            if after > 0.7 * before:  # many ranks with few nodes each
-                break
-            self.P.append(_smoothed(matrices[-1] if matrices else A, P0))
             levels = [level for _, _, level in steps]
-            matrices.append(coarse(matrices[-1], self.P[-1]) if matrices else first(self.P[0]))
+            del steps  # they are as large as P
+            before, after = P0.getSize()
+            if after < 0.7 * before:  # not so on many ranks with few nodes each
+                self.P.append(_smoothed(matrices[-1] if matrices else A, P0))
+                matrices.append(coarse(matrices[-1], self.P[-1]) if matrices else first(self.P[0]))
+            P0.destroy()
+            if after >= 0.7 * before:
+                break
         return matrices
+
+    def free(self) -> None:
+        """Free the memory: PETSc 3.18 keeps what Python merely lets go of."""
+        for P in self.P:
+            P.destroy()
+        self.P = []
 
     def _tentative(self, rows: int, starts: Any, steps: Any) -> tuple[Any, int, Any]:
         """P₀ of all blocks, its owned columns, and where each block starts among them."""
@@ -247,6 +257,7 @@ def mended(K: Any) -> Any:
     if K.comm.tompi4py().allreduce(int(zero.sum())) > 0:
         diagonal.array[zero] = 1.0
         K.setDiagonal(diagonal)
+    diagonal.destroy()
     return K
 
 
@@ -258,27 +269,42 @@ def inverse_diagonal(A: Any) -> Any:
     return inverse
 
 
-def _smoothed(A: Any, P0: Any) -> Any:
-    """(I − ω D⁻¹ A) P₀. Collective."""
-    inverse = inverse_diagonal(A)
-    part = P0.createVecLeft()  # of ones where P₀ is not zero: λ_max is that of the displacements
-    x, y = A.createVecs()
-    x.setRandom()
-    ones = P0.createVecRight()
-    ones.set(1.0)
-    P0.mult(ones, part)
-    part.array[:] = part.array_r != 0
+def largest_eigenvalue(A: Any, part: Any = None) -> float:
+    """About the largest one of D⁻¹A, D = diag A, a little below it. Collective.
+
+    Args:
+        part: a vector of ones and zeros: rows and columns that count; None: all
+    """
+    inverse, (x, y) = inverse_diagonal(A), A.createVecs()
+    if part is not None:
+        inverse.pointwiseMult(inverse, part)
+    random = PETSc.Random().create(A.comm)
+    random.setSeed(1)
+    random.seed()
+    x.setRandom(random)
     bound = 1.0
     for _ in range(10):
-        x.pointwiseMult(x, part)
-        x.normalize()
         A.mult(x, y)
-        y.pointwiseMult(y, inverse)
-        bound = y.norm()
-        y.copy(x)
+        x.pointwiseMult(y, inverse)
+        bound = x.norm()
+        x.scale(1 / bound if bound > 0 else 0.0)
+    for thing in (inverse, x, y, random):
+        thing.destroy()
+    return bound
+
+
+def _smoothed(A: Any, P0: Any) -> Any:
+    """(I − ω D⁻¹ A) P₀. Collective."""
+    part, ones = P0.createVecLeft(), P0.createVecRight()
+    ones.set(1.0)
+    P0.mult(ones, part)
+    part.array[:] = part.array_r != 0  # displacements that are not held
+    scale = inverse_diagonal(A)
+    scale.pointwiseMult(scale, part)
+    scale.scale(-4 / (3 * 1.1 * largest_eigenvalue(A, part)))
     P = A.matMult(P0)
-    inverse.scale(-4 / (3 * 1.1 * bound))
-    inverse.pointwiseMult(inverse, part)
-    P.diagonalScale(inverse, None)
+    P.diagonalScale(scale, None)
     P.axpy(1.0, P0, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    for vector in (part, ones, scale):
+        vector.destroy()
     return P

@@ -31,7 +31,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from .errors import InputError
-from .multigrid import Hierarchy, inverse_diagonal, mended
+from .multigrid import Hierarchy, inverse_diagonal, largest_eigenvalue, mended
 
 _DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
@@ -84,6 +84,7 @@ class SaddlePoint:
         self._system: Any = None
         self._hierarchy: Any = None
         self._cycle: Any = None
+        self._coarse: list[Any] = []
         self._augmented: Any = None
 
     def use(self, system: Any) -> None:
@@ -112,10 +113,11 @@ class SaddlePoint:
         if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
             return
         bulk = int(layout.offsets[len(self._system.u)])
-        gamma = PETSc.Options().getReal(prefix + "gamma", 1.0)
+        database, keys = PETSc.Options(), []
+        gamma = database.getReal(prefix + "gamma", 1.0)
         self._augmented = _Augmented(A, layout, bulk, gamma)
-        operators = [self._augmented.matrix]
-        operators += self._hierarchy.operators(A, self._augmented.coarse)
+        self._coarse = self._hierarchy.operators(A, self._augmented.coarse)
+        operators = [self._augmented.matrix, *self._coarse]
         self._cycle = PETSc.PC().create(layout.comm)
         self._cycle.setOptionsPrefix(prefix)
         self._cycle.setType("mg")
@@ -130,9 +132,15 @@ class SaddlePoint:
                 solver = self._cycle.getMGSmoother(level)
                 solver.setType("chebyshev")
                 solver.pc.setType("jacobi")
+                bound = 1.1 * largest_eigenvalue(K)
+                key = f"{prefix}mg_levels_{level}_ksp_chebyshev_eigenvalues"
+                database[key] = f"{0.1 * bound},{bound}"
+                keys.append(key)
                 self._cycle.setMGInterpolation(level, self._hierarchy.P[-level])
             solver.setOperators(K, K)
         self._cycle.setFromOptions()
+        for key in keys:
+            database.delValue(key)
         self._cycle.setUp()
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
@@ -142,10 +150,19 @@ class SaddlePoint:
         else:
             self._augmented.eliminate(self._cycle, r, y)
 
+    def destroy(self, pc: Any) -> None:
+        """Forget all."""
+        self.reset(pc)
+        if self._hierarchy is not None:
+            self._hierarchy.free()
+        self._hierarchy = None
+
     def reset(self, pc: Any) -> None:
         """Forget the last matrix."""
         if self._cycle is not None:
             self._cycle.destroy()
+            for K in self._coarse:
+                K.destroy()
             self._augmented.free()
         self._cycle = self._augmented = None
 
@@ -180,11 +197,14 @@ class _Augmented:
         scaled = self._columns.copy()
         scaled.diagonalScale(compliance, None)
         self._D = self._rows.matMult(scaled)
-        self._D.axpy(1.0, A.createSubMatrix(multipliers, multipliers), structure=_DIFFERENT)
+        square = A.createSubMatrix(multipliers, multipliers)
+        self._D.axpy(1.0, square, structure=_DIFFERENT)
         self._solver = PETSc.KSP().create(layout.comm)
         self._solver.setOperators(self._D)
         self._solver.setType("preonly")
         _factor(self._solver.pc)
+        for thing in (whole, multipliers, compliance, scaled, square):
+            thing.destroy()
         self._any = self._D.getSize()[0] > 0
         if self._any:
             self._solver.setUp()
@@ -195,9 +215,11 @@ class _Augmented:
         self.matrix.setUp()
 
     def free(self) -> None:
-        """Free the memory now: PETSc's references to this object would keep it."""
+        """Free the memory: PETSc 3.18 keeps what Python merely lets go of."""
         for thing in (self.matrix, self._solver, self._D, self._rows, self._columns):
             thing.destroy()
+        for vector in (self._x, self._y, self._b, self._r, self._m):
+            vector.destroy()
 
     def _solve(self, r: npt.NDArray[np.float64]) -> Any:
         """D⁻¹ r. Collective."""
@@ -229,8 +251,13 @@ class _Augmented:
             inverse.array[:] = np.sign(inverse.array_r) / np.add.reduceat(abs(values), starts[:-1])
         left = P.transposeMatMult(self._columns)
         left.diagonalScale(None, inverse)
-        K = self._A.ptap(P)
-        K.axpy(-1.0, left.matMult(self._rows.matMult(P)), structure=_DIFFERENT)
+        right = self._rows.matMult(P)
+        K = left.matMult(right)
+        K.scale(-1.0)
+        plain = self._A.ptap(P)
+        K.axpy(1.0, plain, structure=_DIFFERENT)
+        for thing in (left, right, plain, inverse):  # plain has work space of the size of P
+            thing.destroy()
         return mended(K)
 
     def eliminate(self, cycle: Any, r: Any, y: Any) -> None:
