@@ -121,7 +121,8 @@ def measure(n, partition, lift=0.0):
         boxes.append(np.concatenate(comm.allgather(np.stack([lower, upper], axis=1))))
         owner.append(np.repeat(np.arange(comm.size), comm.allgather(len(lower))))
     own = np.concatenate(owner) == comm.rank
-    return held, received, 192, neighbours(np.concatenate(boxes), own)
+    record = 8 * (4 + 4 + 4 + 4 * 3)  # four numbers, corners, nodes and their positions
+    return held, received, record, neighbours(np.concatenate(boxes), own)
 
 
 def count(n, lift):

@@ -68,6 +68,7 @@ class Plates:
         load: pressure on both contact surfaces where there is no contact
         options: of PETSc, see ContactProblem
         comm, partition: see meshes.create
+        repartition: divide that mesh anew by dc.repartition
     """
 
     def __init__(
@@ -83,12 +84,15 @@ class Plates:
         options: dict[str, Any] | None = None,
         comm: Any = MPI.COMM_SELF,
         partition: Any = None,
+        repartition: bool = False,
     ):
         bodies = grids(facets, layers, finer, overhang)
-        mesh, self.body = meshes.create(comm, bodies, partition)
+        mesh, body = meshes.create(comm, bodies, partition)
         at = lambda z: lambda x: np.isclose(x[2], z)  # noqa: E731
         where = {1: (at(0), 0), 2: (at(0), 1), 3: at(HEIGHT), 4: at(-HEIGHT)}
-        tags = meshes.tag_facets(mesh, where, self.body)
+        tags = meshes.tag_facets(mesh, where, body)
+        if repartition:
+            mesh, tags = dc.repartition(mesh, tags, 1, 2)
         V = compat.vector_space(mesh, 1)
         self.u, w = fem.Function(V), ufl.TestFunction(V)
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
@@ -109,6 +113,9 @@ class Plates:
         self.system = self.problem.system
         if pairs:
             self.contact = self.system.contacts[0]
+        # the body of each cell, 0 for the slave's
+        middles = mesh.geometry.x[compat.cell_geometry_dofs(mesh)].mean(axis=1)
+        self.body = np.where(middles[:, 2] > 0, 0, 1)
         self.facets, self.dofs = facets, V.dofmap.index_map.size_global * 3
 
     def press(self) -> None:

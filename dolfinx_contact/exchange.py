@@ -100,10 +100,7 @@ class Exchange:
         Returns:
             the C++ surface
         """
-        with together(self._comm, "contact exchange"):
-            self._slave.displace(slave)
-            self._master.displace(master)
-        boxes = self._slave.boxes()[: self._num_slaves]
+        boxes = self._place(slave, master)
         if self._reach is None:
             self._reach = self._limited(self._least)
         else:  # particles without a target look everywhere
@@ -121,11 +118,8 @@ class Exchange:
         decided: npt.NDArray[np.float64],
     ) -> Any:
         """As ``fetch``, with a larger reach where particles are not settled. Collective."""
-        with together(self._comm, "contact exchange"):
-            self._slave.displace(slave)
-            self._master.displace(master)
         assert self._reach is not None
-        boxes = self._slave.boxes()[: self._num_slaves]
+        boxes = self._place(slave, master)
         lacking = self.lacking(decided)
         # what was found is an upper bound of the distance of what is to be found
         wanted = np.where(np.isfinite(decided), decided + self._near, _GROWTH * self._reach)
@@ -140,6 +134,13 @@ class Exchange:
         """Distance up to which a search is decided, infinite where it sees all within d_max."""
         assert self._reach is not None
         return np.where(self._reach < self._radius, self._reach - self._slack, np.inf)
+
+    def _place(self, slave: Any, master: Any) -> npt.NDArray[np.float64]:
+        """Move both surfaces; boxes of the own slave facets. Collective."""
+        with together(self._comm, "contact exchange"):
+            self._slave.displace(slave)
+            self._master.displace(master)
+        return self._slave.boxes()[: self._num_slaves]
 
     def _limited(self, reach: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.minimum(reach, self._radius)

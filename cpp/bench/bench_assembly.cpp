@@ -334,20 +334,7 @@ void add_sizes()
                                                             facets, Setup{.simpson_n = 0});
                       });
   auto add_family = [&](const std::string& name, auto run)
-  {
-    benchmark::RegisterBenchmark(name.c_str(),
-                                 [=](benchmark::State& s)
-                                 {
-                                   run(s, problems->at(s.range(0))());
-                                   s.SetComplexityN(s.range(0));
-                                 })
-        ->Arg(1000)
-        ->Arg(10000)
-        ->Arg(100000)
-        ->Repetitions(5)
-        ->MinTime(0.1)
-        ->Complexity();
-  };
+  { add_sizes_of(name, [=](benchmark::State& s) { run(s, problems->at(s.range(0))()); }); };
   add_family("update", update<3>);
   add_family("residual", residual<3>);
   add_family("tangent", tangent<3>);

@@ -64,7 +64,6 @@ void find_all(benchmark::State& state, const Scene<D>& scene, bool warm)
                                                  warm ? scene.former[i] : Target<D>(),
                                                  &scene.normals));
   per(state, "particle", n);
-  state.SetComplexityN(scene.pair.master.size());
 }
 
 void build_tree(benchmark::State& state, const Scene<3>& scene)
@@ -73,7 +72,6 @@ void build_tree(benchmark::State& state, const Scene<3>& scene)
   for (auto _ : state)
     benchmark::DoNotOptimize(Search<3>(master, {}));
   per(state, "facet", master.size());
-  state.SetComplexityN(master.size());
 }
 
 void refit_tree(benchmark::State& state, const Scene<3>& scene)
@@ -83,7 +81,6 @@ void refit_tree(benchmark::State& state, const Scene<3>& scene)
   for (auto _ : state)
     search.refit(master);
   per(state, "facet", master.size());
-  state.SetComplexityN(master.size());
 }
 
 const std::pair<TargetRule, std::string> rules[] = {{TargetRule::proximity, "proximity"},
@@ -118,16 +115,7 @@ void add_sizes()
             return std::make_unique<Scene<3>>(Element{Shape::quadrilateral, 1, 1}, rule, facets, 0);
           });
     auto add_family = [&](const std::string& name, auto run)
-    {
-      benchmark::RegisterBenchmark(name.c_str(),
-                                   [=](benchmark::State& s) { run(s, scenes.at(s.range(0))()); })
-          ->Arg(1000)
-          ->Arg(10000)
-          ->Arg(100000)
-          ->Repetitions(5)
-          ->MinTime(0.1)
-          ->Complexity();
-    };
+    { add_sizes_of(name, [=](benchmark::State& s) { run(s, scenes.at(s.range(0))()); }); };
     for (bool warm : {false, true})
       add_family(std::string("search, ") + (warm ? "warm, " : "cold, ") + text,
                  [=](benchmark::State& s, const Scene<3>& scene) { find_all<3>(s, scene, warm); });

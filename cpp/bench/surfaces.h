@@ -154,4 +154,21 @@ inline void add(const std::string& name, const std::function<void(benchmark::Sta
   benchmark::RegisterBenchmark(name.c_str(), run)->Repetitions(5)->MinTime(0.1);
 }
 
+/// Likewise for 10³ to 10⁵ slave facets, state.range(0), with the exponent of the growth.
+inline void add_sizes_of(const std::string& name, const std::function<void(benchmark::State&)>& run)
+{
+  benchmark::RegisterBenchmark(name.c_str(),
+                               [=](benchmark::State& s)
+                               {
+                                 run(s);
+                                 s.SetComplexityN(s.range(0));
+                               })
+      ->Arg(1000)
+      ->Arg(10000)
+      ->Arg(100000)
+      ->Repetitions(5)
+      ->MinTime(0.1)
+      ->Complexity();
+}
+
 } // namespace dolfinx_contact::bench

@@ -187,9 +187,16 @@ auto Search<D>::at_end(const Query& q, int f) const -> Found
     if (not facet.is_end(e))
       continue;
     Target<D> t;
-    const double cost = _options.rule == TargetRule::smooth
-                            ? SmoothProjection<D>(q.master, f, *q.normals).clamp(q.x, e, t)
-                            : std::sqrt(facet.clamp(q.x, q.e, e, t));
+    double cost;
+    if (_options.rule == TargetRule::smooth)
+    {
+      const SmoothProjection<D> smooth(q.master, f, *q.normals);
+      if (smooth.far_beside(q.x, e, _options.end_tolerance * _diameter[f]))
+        continue; // `within_end` would refuse it
+      cost = smooth.clamp(q.x, e, t);
+    }
+    else
+      cost = std::sqrt(facet.clamp(q.x, q.e, e, t));
     if (cost < found.cost and within_end(q, t)
         and std::abs(direction(q, t).dot(q.x - facet.at(t.xi, false).x)) <= _options.radius
         and faces(q, facet, t))

@@ -87,9 +87,9 @@ private:
   Vector<D> direction(const Query& q, const Target<D>& t) const;
   double bound(const Box<D>& box, const Query& q, double reach) const;
   void best_of(const Query& q, const Found& found, Found& best) const;
+  std::vector<double> end_boxes(std::span<const double> boxes) const;
 
   SearchOptions<D> _options;
-  std::vector<double> end_boxes(std::span<const double> boxes) const;
   BoxTree<D> _tree;
   BoxTree<D> _end_tree;                   // of the facets at physical ends, for (F5) and (F6)
   std::vector<int> _at_end;               // these facets

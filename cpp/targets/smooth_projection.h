@@ -80,6 +80,21 @@ public:
     }
   }
 
+  /// True if x is farther than `limit` beside every point of the straight edge e, so that
+  /// ‖T_m r‖ exceeds it there: Newton's method of `clamp` is spared. With y on the edge of length L
+  /// and y_A, n_A at its first corner, ‖T_m r‖ ≥ ‖T_A (x − y_A)‖ − L − sin∠(m, n_A) ‖x − y‖.
+  bool far_beside(const Vector<D>& x, int e, double limit) const
+  {
+    if (D == 2 or not _projection.straight())
+      return false;
+    const auto v = reference_edge(_s.ref.shape, e);
+    const Eigen::Map<const Vector<D>> a(_s.facet_x(_f) + D * v[0]), b(_s.facet_x(_f) + D * v[1]);
+    const Vector<D>&nA = _normals.normal(_s, _f, v[0]), &nB = _normals.normal(_s, _f, v[1]);
+    const Vector<D> r = x - a;
+    const double length = (b - a).norm(), turn = (nB - nA).norm(); // at least the sine, up to 90°
+    return turn < 1 and (r - nA.dot(r) * nA).norm() - length - turn * (r.norm() + length) > limit;
+  }
+
   /// n̄ at ξ.
   Vector<D> normal(const Vector<Q>& xi) const
   {
