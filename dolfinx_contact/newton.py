@@ -177,6 +177,8 @@ class NewtonLoop:
         reasons = PETSc.SNES.ConvergedReason
         bulk, contact = system.norms(snes.getFunction()[0])
         report.add(bulk, contact, system.changes)
+        if it > 0:
+            report.linear_iterations.append(snes.getKSP().getIterationNumber())
         log.info(
             "iteration %d: bulk %.3e, contact %.3e, %d opened or closed, %d stuck or slipped,"
             " %d reversed",

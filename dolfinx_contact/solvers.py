@@ -31,7 +31,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from .errors import InputError
-from .multigrid import Hierarchy, inverse_diagonal, largest_eigenvalue, mended
+from .multigrid import Hierarchy, mended
 
 _DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
@@ -101,10 +101,13 @@ class SaddlePoint:
                     " components; mixed models need the default, solvers.direct()."
                 )
         self._system = system
-        self._hierarchy = Hierarchy(system.layout, range(len(system.u)))
 
     def setUp(self, pc: Any) -> None:
-        """For the present matrix. Prolongations are made once. Collective."""
+        """For the present matrix. Prolongations are made once. Collective.
+
+        Raises:
+            InputError: the solver is not that of a ContactProblem
+        """
         self.reset(pc)
         if self._system is None:
             raise InputError("solvers.SaddlePoint only works within a ContactProblem.")
@@ -112,18 +115,23 @@ class SaddlePoint:
         prefix += "contact_"
         if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
             return
-        bulk = int(layout.offsets[len(self._system.u)])
-        database, keys = PETSc.Options(), []
-        gamma = database.getReal(prefix + "gamma", 1.0)
-        self._augmented = _Augmented(A, layout, bulk, gamma)
-        self._coarse = self._hierarchy.operators(A, self._augmented.coarse)
-        operators = [self._augmented.matrix, *self._coarse]
+        if self._hierarchy is None:
+            self._hierarchy = Hierarchy(A, layout, len(self._system.u), prefix)
         self._cycle = PETSc.PC().create(layout.comm)
         self._cycle.setOptionsPrefix(prefix)
+        if not self._hierarchy.P:  # few unknowns
+            self._cycle.setOperators(A, A)
+            _factor(self._cycle)
+            return
+        gamma = PETSc.Options().getReal(prefix + "gamma", 1.0)
+        bulk = int(layout.offsets[len(self._system.u)])
+        self._augmented = _Augmented(A, layout, bulk, gamma)
+        self._coarse = self._hierarchy.operators(self._augmented.coarse(self._hierarchy.P[0]))
+        levels = [*reversed(self._coarse), self._augmented.matrix]
         self._cycle.setType("mg")
-        self._cycle.setMGLevels(len(operators))
-        self._cycle.setOperators(operators[0], operators[0])
-        for level, K in enumerate(reversed(operators)):
+        self._cycle.setMGLevels(len(levels))
+        self._cycle.setOperators(levels[-1], levels[-1])
+        for level, K in enumerate(levels):
             if level == 0:
                 solver = self._cycle.getMGCoarseSolve()
                 solver.setType("preonly")
@@ -132,21 +140,17 @@ class SaddlePoint:
                 solver = self._cycle.getMGSmoother(level)
                 solver.setType("chebyshev")
                 solver.pc.setType("jacobi")
-                bound = 1.1 * largest_eigenvalue(K)
-                key = f"{prefix}mg_levels_{level}_ksp_chebyshev_eigenvalues"
-                database[key] = f"{0.1 * bound},{bound}"
-                keys.append(key)
                 self._cycle.setMGInterpolation(level, self._hierarchy.P[-level])
             solver.setOperators(K, K)
         self._cycle.setFromOptions()
-        for key in keys:
-            database.delValue(key)
         self._cycle.setUp()
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
         """y = R⁻¹ r. Collective."""
         if self._cycle is None:  # the matrix is not finite: PETSc ends the solve
             y.set(np.nan)
+        elif self._augmented is None:
+            self._cycle.apply(r, y)
         else:
             self._augmented.eliminate(self._cycle, r, y)
 
@@ -159,12 +163,13 @@ class SaddlePoint:
 
     def reset(self, pc: Any) -> None:
         """Forget the last matrix."""
-        if self._cycle is not None:
-            self._cycle.destroy()
-            for K in self._coarse:
-                K.destroy()
+        for thing in (self._cycle, *self._coarse):
+            if thing is not None:
+                thing.destroy()
+        if self._augmented is not None:
             self._augmented.free()
         self._cycle = self._augmented = None
+        self._coarse = []
 
 
 class _Augmented:
@@ -191,7 +196,7 @@ class _Augmented:
         # A_um and A_mu, with A_mm below and beside them
         self._columns = A.createSubMatrix(whole, multipliers)
         self._rows = A.createSubMatrix(multipliers, whole)
-        compliance = inverse_diagonal(A)
+        compliance = _inverse_diagonal(A)
         compliance.array[bulk:] = 0.0
         compliance.scale(-1.0 / gamma)
         scaled = self._columns.copy()
@@ -270,6 +275,14 @@ class _Augmented:
         y.array[bulk:] = 0.0
         self._rows.mult(y, self._m)
         y.array[bulk:] = self._solve(r.array_r[bulk:] - self._m.array_r).array_r
+
+
+def _inverse_diagonal(A: Any) -> Any:
+    """1/|diagonal|, and 1 where it is zero; a vector."""
+    inverse = A.getDiagonal()
+    d = np.abs(inverse.array_r)
+    inverse.array[:] = 1 / np.where(d > 0, d, 1.0)
+    return inverse
 
 
 def _factor(pc: Any) -> None:
