@@ -5,6 +5,7 @@
 #include "../mechanics/coupling.h"
 #include "../targets/rigid_tool.h"
 #include "block_adder.h"
+#include "pattern.h"
 
 #include <array>
 #include <optional>
@@ -150,11 +151,11 @@ public:
   /// also before).
   void tangent(Mat A) const;
 
-  /// Insert zeros wherever particles may couple: their targets and the neighbours of these.
-  /// `remember` keeps the pattern for `pattern_holds`.
-  void insert_pattern(Mat A, bool remember);
+  /// Places of all blocks wherever particles may couple: with their targets and the neighbours of
+  /// these.
+  void add_pattern(Pattern& pattern);
 
-  /// True if all targets are within the pattern inserted last.
+  /// True if all targets are within the pattern added last.
   bool pattern_holds() const;
 
   /// What may move at a node of a multiplier.
@@ -320,6 +321,8 @@ private:
   void tabulate(const double* xi, Sample& out) const;
   void dofs_of(int facet, int target, std::vector<PetscInt>& dofs) const;
   void neighbours();
+  std::vector<std::int32_t> target_nodes(int target) const;
+  std::vector<std::int32_t> nodes_around(int target) const;
   int num_nodes() const { return static_cast<int>(_particles.nodes.size()) / (D - 1); }
   int num_directions() const;
   Vector<D> given_direction(int facet, const BasisValues& position, int point) const;

@@ -317,86 +317,6 @@ void Assembler<D>::node_dofs(const std::vector<std::int32_t>& nodes,
       dofs.push_back(table[node * D + i]);
 }
 
-template <int D>
-void Assembler<D>::insert_pattern(Mat A, bool remember)
-{
-  const Logged logged(Event::pattern);
-  _adder.forget();
-  if (remember)
-    _pattern.assign(_own, {});
-  std::vector<PetscInt> dofs, ring;
-  std::vector<PetscScalar> zeros;
-  std::vector<int> targets;
-  auto insert = [&](const std::vector<PetscInt>& columns)
-  {
-    zeros.assign(dofs.size() * columns.size(), 0.0);
-    check(MatSetValues(A, dofs.size(), dofs.data(), columns.size(), columns.data(), zeros.data(),
-                       ADD_VALUES),
-          "MatSetValues (contact pattern)");
-  };
-  for (int f = 0; f < _own; ++f)
-  {
-    targets.assign(1, -1);
-    for (int t = 0; t < static_cast<int>(_tool_dofs.size()) / D; ++t)
-      targets.push_back(t);
-    for (const State& s : _now.of(f))
-      for (const int t : {s.target.facet, s.cell})
-        if (t >= 0 and not _tool)
-          targets.insert(targets.end(), _near.begin() + _near_offset[t],
-                         _near.begin() + _near_offset[t + 1]);
-    std::sort(targets.begin(), targets.end());
-    targets.erase(std::unique(targets.begin(), targets.end()), targets.end());
-    for (int t : targets)
-    {
-      if (t >= 0 and not _tool and not _master.candidate[t])
-        continue;
-      dofs_of(f, t, dofs);
-      insert(dofs);
-      if (_tool)
-        continue;
-      if (_particles.refined and t >= 0) // cells may end at the facets around (motion_tangent)
-        for (int k = _near_offset[t]; k < _near_offset[t + 1]; ++k)
-          if (const int g = _near[k]; _master.candidate[g])
-          {
-            const auto first = _master.local.begin() + g * _master.nu();
-            const std::vector<std::int32_t> nodes(first, first + _master.nu());
-            node_dofs(nodes, _master_dofs, ring);
-            insert(ring);
-          }
-      if (interpolated() and t >= 0)
-      {
-        node_dofs(_normals.nodes(_master, t), _master_dofs, ring);
-        insert(ring);
-      }
-      if (turns_smoothly() and t >= 0)
-      {
-        node_dofs(_slave_normals.nodes(_slave, f), _slave_dofs, ring);
-        insert(ring);
-      }
-      if (remember and t >= 0)
-        _pattern[f].push_back(_master.id[t]); // sorted: facets are
-    }
-  }
-}
-
-template <int D>
-bool Assembler<D>::pattern_holds() const
-{
-  if (static_cast<int>(_pattern.size()) != _own)
-    return false;
-  auto holds = [&](const State& s, int target)
-  {
-    return target < 0
-           or std::binary_search(_pattern[s.facet].begin(), _pattern[s.facet].end(),
-                                 _master.id[target]);
-  };
-  return _tool
-         or std::all_of(_now.states.begin(), _now.states.end(),
-                        [&](const State& s) {
-                          return (not s.closed or holds(s, s.target.facet)) and holds(s, s.cell);
-                        });
-}
-
 // the members of this file; assembler.cpp instantiates the others
 template const Vector<2>* Assembler<2>::tangents(int, std::vector<Vector<2>>&) const;
 template const Vector<3>* Assembler<3>::tangents(int, std::vector<Vector<3>>&) const;
@@ -412,9 +332,5 @@ template void Assembler<2>::residual(::Vec) const;
 template void Assembler<3>::residual(::Vec) const;
 template void Assembler<2>::tangent(Mat) const;
 template void Assembler<3>::tangent(Mat) const;
-template void Assembler<2>::insert_pattern(Mat, bool);
-template void Assembler<3>::insert_pattern(Mat, bool);
-template bool Assembler<2>::pattern_holds() const;
-template bool Assembler<3>::pattern_holds() const;
 
 } // namespace dolfinx_contact
