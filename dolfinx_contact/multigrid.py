@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: MIT
-"""Multigrid for the displacements of all bodies: PETSc's smoothed aggregation, of the bodies apart.
+"""Multigrid for the displacements of all bodies: PETSc's smoothed aggregation of the bulk alone.
 
 GAMG (P. Vaněk, J. Mandel and M. Brezina, Computing 56 (1996)) gathers nodes in aggregates, on each of
 which the rigid motions are the coarse unknowns. Where nodes of two bodies that touch were gathered,
 their sliding on each other would be on no coarse level, and the linear solves take twice the
-iterations. What contact adds to A_uu is small beside the bulk's entries: GAMG's threshold leaves it
-out of the graph, and each body has aggregates and rigid motions of its own.
+iterations. So it is given the bulk's matrix, in which the bodies are apart.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Sequence
 
 import numpy as np
 from petsc4py import PETSc
 
-# Entries of A_uu below so much of their diagonals (as blocks of a node) connect no nodes.
+# Entries of the bulk's matrix below so much of their diagonals (as blocks of a node) connect no nodes.
 _THRESHOLD = 0.05
 
 
@@ -23,20 +22,50 @@ class Hierarchy:
     """Prolongations for the displacements of a system. The construction is collective.
 
     Args:
-        A: matrix of the system, for whose graph they are made
-        layout: its numbering
-        bulk: number of displacement functions, the first of the layout's
+        system: its bulk at the present displacements
         prefix: of PETSc's options
 
     Attributes:
         P: prolongations, the finest first: that from the first coarse unknowns to the system's, with
-            empty rows for the multipliers. None where there are few unknowns.
+            empty rows for the multipliers. None where there are few unknowns
+        iterations: of linear solves with it, the first and the last one
     """
 
-    def __init__(self, A: Any, layout: Any, bulk: int, prefix: str):
-        self._layout, self._bulk, self._prefix = layout, bulk, prefix
+    def __init__(self, system: Any, prefix: str):
         self.P: list[Any] = []
-        self._aggregate(A)
+        self.iterations: list[int] = []
+        K = system.bulk_matrix()
+        motions = _rigid_motions(system.u)
+        K.setBlockSize(motions.getVecs()[0].getBlockSize())
+        K.setNearNullSpace(motions)
+        gamg = PETSc.PC().create(system.comm)
+        gamg.setOptionsPrefix(prefix)
+        database, key = PETSc.Options(), f"{prefix}pc_gamg_threshold"
+        ours = not database.hasName(key)
+        if ours:
+            database[key] = _THRESHOLD
+        gamg.setType("gamg")
+        gamg.setOperators(K, K)
+        gamg.setFromOptions()
+        if ours:
+            database.delValue(key)
+        gamg.setUp()
+        self.P = [gamg.getMGInterpolation(i) for i in range(gamg.getMGLevels() - 1, 0, -1)]
+        for thing in (gamg, K, motions):
+            thing.destroy()
+        if self.P:
+            P = self.P[0]
+            self.P[0] = _lengthened(P, system.layout.owned)
+            P.destroy()
+
+    @property
+    def worn(self) -> bool:
+        """Whether linear solves have come to take twice their first iterations: bodies have turned."""
+        return len(self.iterations) == 2 and self.iterations[1] > 2 * self.iterations[0]
+
+    def count(self, iterations: int) -> None:
+        """Keep the number of iterations of a linear solve."""
+        self.iterations = [*self.iterations[:1], iterations]
 
     def operators(self, K: Any) -> list[Any]:
         """Matrices of the coarse levels, the finest first. Collective.
@@ -55,55 +84,28 @@ class Hierarchy:
             P.destroy()
         self.P = []
 
-    def _aggregate(self, A: Any) -> None:
-        layout = self._layout
-        bulk = int(layout.offsets[self._bulk])
-        rows = layout.start + np.arange(bulk, dtype=PETSc.IntType)
-        index = PETSc.IS().createGeneral(rows, comm=layout.comm)
-        K = A.createSubMatrix(index, index)
-        motions = self._rigid_motions()
-        K.setBlockSize(motions.getVecs()[0].getBlockSize())
-        K.setNearNullSpace(motions)
-        gamg = PETSc.PC().create(layout.comm)
-        gamg.setOptionsPrefix(self._prefix)
-        database, key = PETSc.Options(), f"{self._prefix}pc_gamg_threshold"
-        ours = not database.hasName(key)
-        if ours:
-            database[key] = _THRESHOLD
-        gamg.setType("gamg")
-        gamg.setOperators(K, K)
-        gamg.setFromOptions()
-        if ours:
-            database.delValue(key)
-        gamg.setUp()
-        for level in range(gamg.getMGLevels() - 1, 0, -1):
-            P = gamg.getMGInterpolation(level)
-            self.P.append(P.copy() if self.P else self._lengthened(P))
-        for thing in (gamg, K, motions, index):
-            thing.destroy()
 
-    def _rigid_motions(self) -> Any:
-        """Rigid motions about the origin, from present positions: a null space for PETSc."""
-        positions = []
-        for u in self._layout.functions[: self._bulk]:
-            V = u.function_space
-            n, dim = V.dofmap.index_map.size_local, V.dofmap.index_map_bs
-            x = V.tabulate_dof_coordinates()[:n, :dim] + u.x.array[: n * dim].reshape(n, dim)
-            positions.append(x.ravel())
-        x = PETSc.Vec().createWithArray(
-            np.concatenate(positions), bsize=dim, comm=self._layout.comm
-        )
-        motions = PETSc.NullSpace().createRigidBody(x)
-        x.destroy()
-        return motions
+def _rigid_motions(displacements: Sequence[Any]) -> Any:
+    """Rigid motions about the origin, from present positions: a null space for PETSc."""
+    positions = []
+    for u in displacements:
+        V = u.function_space
+        n, dim = V.dofmap.index_map.size_local, V.dofmap.index_map_bs
+        x = V.tabulate_dof_coordinates()[:n, :dim] + u.x.array[: n * dim].reshape(n, dim)
+        positions.append(x.ravel())
+    comm = displacements[0].function_space.mesh.comm
+    x = PETSc.Vec().createWithArray(np.concatenate(positions), bsize=dim, comm=comm)
+    motions = PETSc.NullSpace().createRigidBody(x)
+    x.destroy()
+    return motions
 
-    def _lengthened(self, P: Any) -> Any:
-        """P with empty rows for the multipliers, which are the last rows of each rank."""
-        starts, columns, values = P.getValuesCSR()
-        more = np.full(self._layout.owned - len(starts) + 1, starts[-1], dtype=starts.dtype)
-        csr = (np.concatenate([starts, more]), columns, values)
-        size = ((self._layout.owned, None), P.getSizes()[1])
-        return PETSc.Mat().createAIJ(size, csr=csr, comm=self._layout.comm)
+
+def _lengthened(P: Any, rows: int) -> Any:
+    """P with empty rows for the multipliers, which are the last rows of each rank."""
+    starts, columns, values = P.getValuesCSR()
+    more = np.full(rows - len(starts) + 1, starts[-1], dtype=starts.dtype)
+    csr = (np.concatenate([starts, more]), columns, values)
+    return PETSc.Mat().createAIJ(((rows, None), P.getSizes()[1]), csr=csr, comm=P.comm)
 
 
 def mended(K: Any) -> Any:

@@ -57,7 +57,6 @@ class NewtonLoop:
         system = self.system
         snes = PETSc.SNES().create(system.comm)
         snes.setFunction(self._residual, system.b)
-        snes.setJacobian(self._jacobian, system.A)
         snes.setTolerances(rtol=self._rtol, atol=0.0, stol=0.0, max_it=self._max_it)
         prefix = f"dolfinx_contact_{next(_solver_number)}_"
         database = PETSc.Options()
@@ -71,7 +70,8 @@ class NewtonLoop:
         self._keys = [prefix + key for key in given]
         pc = snes.getKSP().getPC()
         if pc.getType() == "python" and isinstance(pc.getPythonContext(), SaddlePoint):
-            pc.getPythonContext().use(system)
+            pc.getPythonContext().use(system, prefix)
+        snes.setJacobian(self._jacobian, system.A)
         snes.setConvergenceTest(self._test)
         snes.setLineSearchPreCheck(self._shorten)
         return snes

@@ -82,13 +82,20 @@ class SaddlePoint:
 
     def __init__(self) -> None:
         self._system: Any = None
-        self._hierarchy: Any = None
+        self._applied = 0  # since the last setUp
         self._cycle: Any = None
         self._coarse: list[Any] = []
         self._augmented: Any = None
 
-    def use(self, system: Any) -> None:
-        """Precondition the matrices of a system.
+    def use(self, system: Any, prefix: str) -> None:
+        """Precondition the matrices of a system: with its hierarchy, or a new one. Collective.
+
+        A new one takes much memory in passing; the system's matrix, whose numbers are not needed
+        now, makes room for that and is made anew.
+
+        Args:
+            system: that has been started
+            prefix: of PETSc's options
 
         Raises:
             InputError: a bulk unknown is not a displacement
@@ -100,10 +107,19 @@ class SaddlePoint:
                     f"solvers.iterative: the unknown {u.name} is not a displacement with {dim}"
                     " components; mixed models need the default, solvers.direct()."
                 )
+        if system.hierarchy is not None and system.hierarchy.worn:
+            system.hierarchy.free()
+            system.hierarchy = None
+        if system.hierarchy is None:
+            system.A.destroy()
+            try:
+                system.hierarchy = Hierarchy(system, prefix + "contact_")
+            finally:
+                system.A = system.new_matrix()
         self._system = system
 
     def setUp(self, pc: Any) -> None:
-        """For the present matrix. Prolongations are made once. Collective.
+        """For the present matrix. Collective.
 
         Raises:
             InputError: the solver is not that of a ContactProblem
@@ -111,22 +127,21 @@ class SaddlePoint:
         self.reset(pc)
         if self._system is None:
             raise InputError("solvers.SaddlePoint only works within a ContactProblem.")
+        hierarchy = self._system.hierarchy
         A, layout, prefix = pc.getOperators()[1], self._system.layout, pc.getOptionsPrefix() or ""
         prefix += "contact_"
         if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
             return
-        if self._hierarchy is None:
-            self._hierarchy = Hierarchy(A, layout, len(self._system.u), prefix)
         self._cycle = PETSc.PC().create(layout.comm)
         self._cycle.setOptionsPrefix(prefix)
-        if not self._hierarchy.P:  # few unknowns
+        if not hierarchy.P:  # few unknowns
             self._cycle.setOperators(A, A)
             _factor(self._cycle)
             return
         gamma = PETSc.Options().getReal(prefix + "gamma", 1.0)
         bulk = int(layout.offsets[len(self._system.u)])
         self._augmented = _Augmented(A, layout, bulk, gamma)
-        self._coarse = self._hierarchy.operators(self._augmented.coarse(self._hierarchy.P[0]))
+        self._coarse = hierarchy.operators(self._augmented.coarse(hierarchy.P[0]))
         levels = [*reversed(self._coarse), self._augmented.matrix]
         self._cycle.setType("mg")
         self._cycle.setMGLevels(len(levels))
@@ -140,13 +155,14 @@ class SaddlePoint:
                 solver = self._cycle.getMGSmoother(level)
                 solver.setType("chebyshev")
                 solver.pc.setType("jacobi")
-                self._cycle.setMGInterpolation(level, self._hierarchy.P[-level])
+                self._cycle.setMGInterpolation(level, hierarchy.P[-level])
             solver.setOperators(K, K)
         self._cycle.setFromOptions()
         self._cycle.setUp()
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
         """y = R⁻¹ r. Collective."""
+        self._applied += 1
         if self._cycle is None:  # the matrix is not finite: PETSc ends the solve
             y.set(np.nan)
         elif self._augmented is None:
@@ -154,15 +170,11 @@ class SaddlePoint:
         else:
             self._augmented.eliminate(self._cycle, r, y)
 
-    def destroy(self, pc: Any) -> None:
-        """Forget all."""
-        self.reset(pc)
-        if self._hierarchy is not None:
-            self._hierarchy.free()
-        self._hierarchy = None
-
     def reset(self, pc: Any) -> None:
         """Forget the last matrix."""
+        if self._applied > 0:
+            self._system.hierarchy.count(self._applied)
+        self._applied = 0
         for thing in (self._cycle, *self._coarse):
             if thing is not None:
                 thing.destroy()
