@@ -14,9 +14,6 @@ from typing import Any, Sequence
 import numpy as np
 from petsc4py import PETSc
 
-# Entries of the bulk's matrix below so much of their diagonals (as blocks of a node) connect no nodes.
-_THRESHOLD = 0.05
-
 
 class Hierarchy:
     """Prolongations for the displacements of a system. The construction is collective.
@@ -40,15 +37,9 @@ class Hierarchy:
         K.setNearNullSpace(motions)
         gamg = PETSc.PC().create(system.comm)
         gamg.setOptionsPrefix(prefix)
-        database, key = PETSc.Options(), f"{prefix}pc_gamg_threshold"
-        ours = not database.hasName(key)
-        if ours:
-            database[key] = _THRESHOLD
         gamg.setType("gamg")
         gamg.setOperators(K, K)
         gamg.setFromOptions()
-        if ours:
-            database.delValue(key)
         gamg.setUp()
         self.P = [gamg.getMGInterpolation(i) for i in range(gamg.getMGLevels() - 1, 0, -1)]
         for thing in (gamg, K, motions):

@@ -140,7 +140,9 @@ class SaddlePoint:
             return
         gamma = PETSc.Options().getReal(prefix + "gamma", 1.0)
         bulk = int(layout.offsets[len(self._system.u)])
-        self._augmented = _Augmented(A, layout, bulk, gamma)
+        self._augmented = _Augmented(
+            A, layout, bulk, gamma, exactly=len(self._system.driven.tools) > 0
+        )
         self._coarse = hierarchy.operators(self._augmented.coarse(hierarchy.P[0]))
         levels = [*reversed(self._coarse), self._augmented.matrix]
         self._cycle.setType("mg")
@@ -194,12 +196,14 @@ class _Augmented:
         layout: its numbering
         bulk: number of owned displacement dofs, which come first
         gamma: γ, the augmentation in units of the diagonal of A_uu
+        exactly: solve with D exactly, else by incomplete factors of each rank's part. These are as
+            good on a surface, but not for travels of tools, which couple to all of it
 
     Attributes:
         matrix: K for PETSc
     """
 
-    def __init__(self, A: Any, layout: Any, bulk: int, gamma: float):
+    def __init__(self, A: Any, layout: Any, bulk: int, gamma: float, exactly: bool):
         self._A, self._bulk = A, bulk
         rows = layout.start + np.arange(layout.owned, dtype=PETSc.IntType)
         # no strides: with those PETSc 3.18 returns wrong submatrices on one rank
@@ -219,7 +223,10 @@ class _Augmented:
         self._solver = PETSc.KSP().create(layout.comm)
         self._solver.setOperators(self._D)
         self._solver.setType("preonly")
-        _factor(self._solver.pc)
+        if exactly:
+            _factor(self._solver.pc)
+        else:
+            self._solver.pc.setType("bjacobi")
         for thing in (whole, multipliers, compliance, scaled, square):
             thing.destroy()
         self._any = self._D.getSize()[0] > 0

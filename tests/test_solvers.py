@@ -159,7 +159,7 @@ def test_augmented_matrix(friction):
     system.jacobian(system.x, system.A)
     n = int(system.layout.offsets[1])
     gamma = 1.7
-    augmented = solvers._Augmented(system.A, system.layout, n, gamma)
+    augmented = solvers._Augmented(system.A, system.layout, n, gamma, exactly=True)
     A = system.A.convert("dense").getDenseArray()
     D = A[n:, n:] - A[n:, :n] @ np.diag(1 / abs(np.diag(A)[:n])) @ A[:n, n:] / gamma
     K = np.eye(len(A))
