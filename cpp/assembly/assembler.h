@@ -190,26 +190,28 @@ public:
   /// State of one particle after `update`.
   struct State
   {
-    int facet = 0;                            ///< of the slave
-    Vector<D - 1> xi = Vector<D - 1>::Zero(); ///< where on it
-    double weight = 0;                        ///< its part of the reference measure
+    int facet = 0; ///< of the slave
     int cell = -1; ///< if the particles move: the master facet its cell lies on, or −1
+    Vector<D - 1> xi = Vector<D - 1>::Zero(); ///< where on the slave's facet
+    double weight = 0;                        ///< its part of the reference measure
+    bool settled = true;                      ///< no facet held elsewhere can be its target
+    bool closed = false;
+    int changes = 0; ///< between open and closed since `begin_step`
     Target<D> target;
-    std::int64_t away = -1;               ///< id of its last target if that is not held here
-    bool settled = true;                  ///< no facet held elsewhere can be its target
     int piece = -1;                       ///< of the tool that the target is on
     double lambda = 0;                    ///< multiplier, negative in compression
     double gap = -INFINITY;               ///< d_n, negative if open; −∞ without a target
-    Vector<D> x = Vector<D>::Zero();      ///< current position
     Vector<D> n = Vector<D>::Zero();      ///< normal, inward to the master
-    Vector<D> e = Vector<D>::Zero();      ///< direction of (F5)
-    Vector<D> n0 = Vector<D>::Zero();     ///< outward normal of the slave as the step began
     Vector<D> Lambda = Vector<D>::Zero(); ///< friction semi-multiplier
-    Vector<D> slip = Vector<D>::Zero();   ///< ⟦Δu⟧ since the last accepted step; 0 if open
     Friction<D> friction;
-    bool closed = false;
+
+    // what a residual does not read
+    std::int64_t away = -1;             ///< id of its last target if that is not held here
+    Vector<D> x = Vector<D>::Zero();    ///< current position
+    Vector<D> e = Vector<D>::Zero();    ///< direction of (F5)
+    Vector<D> n0 = Vector<D>::Zero();   ///< outward normal of the slave as the step began
+    Vector<D> slip = Vector<D>::Zero(); ///< ⟦Δu⟧ since the last accepted step; 0 if open
     bool touched = false;  ///< it touched at the last accepted step: friction acts since then
-    int changes = 0;       ///< between open and closed since `begin_step`
     double dissipated = 0; ///< by friction, up to the last accepted step [energy/area]
 
     // as they were at `freeze`

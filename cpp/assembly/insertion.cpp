@@ -20,6 +20,20 @@ const BasisValues& rigid_basis()
   static const BasisValues one = {.N = {1}, .dN = {}, .ddN = {}};
   return one;
 }
+
+// Fetch what a residual reads of a state. There are more states than caches hold, and a residual
+// does so little with each that it would wait for most.
+template <typename State>
+void fetch(const std::vector<State>& states, std::size_t i)
+{
+  if (i >= states.size())
+    return;
+  constexpr int line = 64; // bytes of the cache
+  const char *p = reinterpret_cast<const char*>(&states[i]),
+             *end = reinterpret_cast<const char*>(&states[i].away);
+  for (; p < end; p += line)
+    __builtin_prefetch(p);
+}
 } // namespace
 
 // t_aα of the friction's nodes of a facet, null without friction.
@@ -125,6 +139,8 @@ void Assembler<D>::residual(::Vec b) const
                     block.setZero(dofs.size());
                     for (int p : particles)
                     {
+                      // of the next facet
+                      fetch(_now.states, _now.offset[f + 1] + p);
                       const State& s = _now.of(f)[p];
                       CouplingBasis<D> B = basis(sample(s, buffer), tangent);
                       if (target >= 0 and not _tool)
