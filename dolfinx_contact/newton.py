@@ -12,6 +12,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from .report import Report
+from .solvers import SaddlePoint, direct
 from .system import System
 
 log = logging.getLogger("dolfinx_contact")
@@ -22,9 +23,7 @@ _PATIENCE = 3
 _DEFAULTS: dict[str, Any] = {
     "snes_type": "newtonls",
     "snes_linesearch_type": "basic",
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
+    **direct(),
 }
 
 
@@ -58,7 +57,6 @@ class NewtonLoop:
         system = self.system
         snes = PETSc.SNES().create(system.comm)
         snes.setFunction(self._residual, system.b)
-        snes.setJacobian(self._jacobian, system.A)
         snes.setTolerances(rtol=self._rtol, atol=0.0, stol=0.0, max_it=self._max_it)
         prefix = f"dolfinx_contact_{next(_solver_number)}_"
         database = PETSc.Options()
@@ -70,6 +68,10 @@ class NewtonLoop:
         snes.setOptionsPrefix(prefix)
         snes.setFromOptions()
         self._keys = [prefix + key for key in given]
+        pc = snes.getKSP().getPC()
+        if pc.getType() == "python" and isinstance(pc.getPythonContext(), SaddlePoint):
+            pc.getPythonContext().use(system, prefix)
+        snes.setJacobian(self._jacobian, system.A)
         snes.setConvergenceTest(self._test)
         snes.setLineSearchPreCheck(self._shorten)
         return snes
@@ -175,6 +177,8 @@ class NewtonLoop:
         reasons = PETSc.SNES.ConvergedReason
         bulk, contact = system.norms(snes.getFunction()[0])
         report.add(bulk, contact, system.changes)
+        if it > 0:
+            report.linear_iterations.append(snes.getKSP().getIterationNumber())
         log.info(
             "iteration %d: bulk %.3e, contact %.3e, %d opened or closed, %d stuck or slipped,"
             " %d reversed",

@@ -86,6 +86,7 @@ class System:
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
         self.changes = np.zeros(3, dtype=int)  # see PairAssembly.update
         self.A: Any = None
+        self.hierarchy: Any = None  # of solvers.iterative
         self.x = PETSc.Vec().createMPI((self.layout.owned, None), comm=self.comm)
         self.b = self.x.duplicate()
         self._maps = [
@@ -389,14 +390,28 @@ class System:
         for material in self.materials:
             material.commit()
 
-    def create_matrix(self) -> None:
-        """Make the matrix for the present targets, and find how stiff the bodies are."""
+    def new_matrix(self) -> Any:
+        """A matrix with places for the bulk and the present targets. Collective."""
         n = self.layout.owned
-        self.A = PETSc.Mat().create(self.comm)
-        self.A.setSizes(((n, None), (n, None)))
-        self.A.setType("aij")
+        A = PETSc.Mat().create(self.comm)
+        A.setSizes(((n, None), (n, None)))
+        A.setType("aij")
         with events.ALLOCATE:
-            self._allocate(self.A)
+            self._allocate(A)
+        return A
+
+    def bulk_matrix(self) -> Any:
+        """The Jacobian of the bulk alone, numbered as the system without its last blocks: of each
+        rank the rows of u. Collective."""
+        alone = System(self._F, self.u, self._J, [], self.bcs)
+        A = alone.new_matrix()
+        alone._add_bulk(A, self.bcs)
+        A.assemble()
+        return A
+
+    def create_matrix(self) -> None:
+        """Make the matrix for the present targets, and find how stiff the bodies are. Collective."""
+        self.A = self.new_matrix()
         self._add_bulk(self.A, [])
         self.A.assemble()
         diagonal = self.A.getDiagonal().array.copy()
