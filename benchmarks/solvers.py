@@ -7,7 +7,7 @@ memory. Linear time is the wall time of a solve less that of residuals and Jacob
 
     python3 benchmarks/solvers.py                       # 2e4 to 4e5 displacement dofs; an hour
     python3 benchmarks/solvers.py --sizes 18 28         # minutes
-    python3 benchmarks/solvers.py --small               # what CI runs
+    python3 benchmarks/solvers.py --small               # what CI runs, in one process: peaks add up
 
 MUMPS is stopped after two of Newton's iterations above 1e5 dofs, unless --all is given.
 """
@@ -114,13 +114,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="cells along a side")
     parser.add_argument("--friction", type=float, nargs="+", default=(0.0, 0.3))
-    parser.add_argument("--small", action="store_true", help="what CI runs")
+    parser.add_argument("--small", action="store_true", help="what CI runs, in one process")
     parser.add_argument("--all", action="store_true", help="let MUMPS run to the end")
     parser.add_argument("--output", help="a file for the tables, in Markdown")
     parser.add_argument("--child", nargs=4, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     if options.small:
         options.sizes, options.friction = (6, 10), (0.3,)
+    measure = run if options.small else in_a_process_of_its_own
     logging.disable(logging.WARNING)
     if options.child:
         n, kind, friction, max_it = options.child
@@ -136,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             found = {}
             for kind in KINDS:
                 short = kind == "direct" and n > 32 and not options.all
-                one = in_a_process_of_its_own(n, kind, friction, 2 if short else 50)
+                one = measure(n, kind, friction, 2 if short else 50)
                 found[kind] = one
                 linear = np.array(one["linear"])
                 rows.append(
@@ -158,7 +159,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 forces = np.array([found[kind]["force"] for kind in KINDS])
                 if np.abs(forces[0] - forces[1]).max() > 1e-6 * np.abs(forces).max():
                     raise RuntimeError(f"The solvers disagree: {forces}")
-    alone = in_a_process_of_its_own(options.sizes[-1], "iterative", -1, 50)
+    alone = measure(options.sizes[-1], "iterative", -1, 50)
     lines = ["# Linear solvers", "", "By `benchmarks/solvers.py`; see docs/solvers.md.", ""]
     lines += [table(rows), ""]
     for friction, mean in means.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 from problems import (
@@ -107,6 +108,20 @@ def test_one_level():
     options = solvers.iterative(contact_pc_mg_levels=1)
     pair = solved(punch(COMM), options, friction=0.3)
     assert max(pair.report.linear_iterations) == 1
+
+
+@FRICTION
+def test_a_body_on_contact_alone(friction):
+    """A load presses it down: the bulk's matrix, of which prolongations are made, is singular."""
+
+    def solve(options):
+        model = one_mesh(COMM, block_halves((9, 7), top=(0.0, None)), PUNCH_MATERIAL)
+        down = ufl.TestFunction(model.u.function_space)[1]
+        model.F += 5.0 * down * ufl.Measure("ds", model.mesh, subdomain_data=model.tags)(TOP)
+        return solved(model, options, friction=friction)
+
+    pair = assert_same(solve)
+    np.testing.assert_allclose(pair.resultant()[1], 10.0, rtol=1e-8)
 
 
 def test_without_contact():
