@@ -3,8 +3,8 @@
 
 GAMG (P. Vaněk, J. Mandel and M. Brezina, Computing 56 (1996)) gathers nodes in aggregates, on each of
 which the rigid motions are the coarse unknowns. Where nodes of two bodies that touch were gathered,
-their sliding on each other would be on no coarse level, and the linear solves take twice the
-iterations. So it is given the bulk's matrix, in which the bodies are apart.
+their sliding on each other would be on no coarse level, and linear solves take many more iterations. So
+it is given the bulk's matrix, in which the bodies are apart.
 """
 
 from __future__ import annotations

@@ -56,8 +56,8 @@ def direct(**options: Any) -> dict[str, Any]:
 def iterative(**options: Any) -> dict[str, Any]:
     """FGMRES with a multigrid cycle on the augmented displacement block, for large 3D problems.
 
-    For displacements in Lagrange spaces, of one mesh or several, with any pairs. What ContactProblem
-    raises with other unknowns (mixed models) is an InputError.
+    For displacements in Lagrange spaces, of one mesh or several, with any pairs. With other unknowns
+    (mixed models) the problem's ``solve`` raises an InputError.
 
     Args:
         options: further ones of PETSc, which overrule those here; those of the multigrid begin with

@@ -29,7 +29,7 @@ from dolfinx_contact import solvers
 
 COMM = MPI.COMM_WORLD
 FRICTION = pytest.mark.parametrize("friction", (0.0, 0.3))
-# Newton's own tolerance, and that of the linear solves
+# Newton ends where the residual is 1e-10 of the forces: that leaves three digits to soft bodies
 CLOSE = 1e-7
 
 
@@ -149,6 +149,23 @@ def test_load_steps():
     assert_same(solve)
 
 
+def test_prolongations_are_kept():
+    """From step to step, until linear solves take twice their first iterations."""
+    model = punch(COMM)
+    problem = model.problem(model.pair(friction=0.3), petsc_options=solvers.iterative())
+    kept = []
+    for part in (0.5, 0.75, 1.0):
+        model.move(TOP, (0.0, -0.08 * part))
+        first = problem.solve().linear_iterations
+        kept.append(problem.system.hierarchy)
+        if len(kept) == 2:
+            kept[0].count(2 * kept[0].iterations[0] + 1)
+    assert kept[0] is kept[1]
+    assert kept[2] is not kept[1]
+    assert kept[1].P == []  # freed
+    assert kept[2].iterations == [first[0], first[-1]]
+
+
 # -- the preconditioner ---------------------------------------------------------------------------
 
 
@@ -233,7 +250,9 @@ def test_too_few_iterations():
 
 def test_only_displacements():
     mixed = make("plane", "taylor-hood", petsc_options=solvers.iterative())
+    before = PETSc.Options().getAll()
     expect(dc.InputError, mixed.problem.solve, "not a displacement", "solvers.direct")
+    assert PETSc.Options().getAll() == before
 
 
 def test_only_contact_problems():

@@ -58,7 +58,7 @@ bool may_lead_to(const Vector<D>& x, const Box<D>& position, const Box<D>& norma
   const Array lo = normal.lo - slack, hi = normal.hi + slack;
   int k;
   const double least = lo.max(-hi).maxCoeff(&k); // of |M_k|
-  if (not(least > 0.1))
+  if (not(least > 0.1))                          // normals of all directions bound nothing
     return true;
   const bool turned = lo[k] < 0; // g and M
   const Array n0 = turned ? Array(-hi) : lo, n1 = turned ? Array(-lo) : hi;
