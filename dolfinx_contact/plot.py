@@ -27,6 +27,7 @@ from .report import Report
 from .shapes import Shapes, gather_bodies, gather_friction, gather_pressure
 
 __all__ = [
+    "Shapes",
     "bodies",
     "convergence",
     "gather_bodies",
