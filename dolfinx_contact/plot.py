@@ -95,7 +95,7 @@ def bodies(
             )
             axes = render.draw(figure, axes, shown.corners, colours[:, :3], edges)
         else:
-            line = dict(edgecolor="0.25", linewidth=0.25) if edges else dict(edgecolor="face")
+            line = dict(edgecolor="0.25", lw=0.25) if edges else dict(edgecolor="face", lw=0.2)
             cells = PolyCollection(shown.polygons, **line)
             if norm is None:
                 cells.set_facecolor(color)
