@@ -103,7 +103,8 @@ bench: install
 	$(PY) benchmarks/scaling.py --output docs/scaling.md
 	$(PY) benchmarks/parallel.py --compare 2
 	$(PY) benchmarks/exchange.py
-	$(PY) benchmarks/memory.py
+	$(PY) benchmarks/memory.py --solver iterative
+	$(PY) benchmarks/solvers.py --output docs/linear_solvers.md
 	$(PY) benchmarks/getfem_comparison.py
 	$(PY) benchmarks/junctions.py
 	$(PY) benchmarks/rules.py

@@ -6,7 +6,7 @@ alone is the same mesh, model and solver, with a pressure on both sides of the i
 contact. Each runs in a process of its own, which tells its largest resident memory (ru_maxrss): that
 of the interpreter with DOLFINx is in both, and given beside.
 
-    python3 benchmarks/memory.py            # by MUMPS
+    python3 benchmarks/memory.py --solver iterative
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ import subprocess
 import sys
 import time
 from typing import Sequence
+
+import dolfinx_contact as dc
 
 MOVE = (0.0, 0.0, -0.002)
 PRESSURE = 3.5  # about that of MOVE
@@ -33,7 +35,10 @@ def solve(options: argparse.Namespace) -> str:
 
     before, start = peak(), time.process_time()
     contact = None if options.alone else VARIANTS[options.variant]
-    plates = Plates(options.facets, options.layers, contact, move=MOVE, load=PRESSURE)
+    solver = getattr(dc.solvers, options.solver)()
+    plates = Plates(
+        options.facets, options.layers, contact, move=MOVE, load=PRESSURE, options=solver
+    )
     report = plates.problem.solve()
     spent = time.process_time() - start
     return f"{before} {peak()} {spent} {plates.dofs} {report.iterations}"
@@ -52,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--facets", type=int, default=32, help="slave facets along a side (32)")
     parser.add_argument("--layers", type=int, default=8, help="layers of cells a plate (8)")
     parser.add_argument("--variant", default="smooth, friction", help="see plates.py")
+    parser.add_argument("--solver", choices=("direct", "iterative"), default="direct")
     parser.add_argument("--alone", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)

@@ -15,7 +15,7 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
         " unset PETSC_DIR)."
     )
 
-from . import infsup, materials, meshes, plasticity, plot
+from . import infsup, materials, meshes, plasticity, plot, solvers
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
 from .partition import repartition
@@ -79,8 +79,10 @@ __all__ = [
     "Surface",
     "UnheldError",
     "infsup",
+    "materials",
     "meshes",
     "plasticity",
     "plot",
     "repartition",
+    "solvers",
 ]

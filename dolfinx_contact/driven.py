@@ -221,12 +221,11 @@ class DrivenTools:
             block[dim : dim + m, dim : dim + m] = np.eye(m)
             A.setValues(dofs.ravel(), dofs.ravel(), self.stiffness * block, addv=_ADD)
 
-    def insert_pattern(self, A: Any) -> None:
-        """Insert zeros where the tangent has entries."""
+    def add_pattern(self, pattern: Any) -> None:
+        """Places of the entries of the tangent."""
         if self._comm.rank == 0:
             for dofs in self.dofs:
-                dofs = dofs.ravel()
-                A.setValues(dofs, dofs, np.zeros((len(dofs), len(dofs))), addv=_ADD)
+                pattern.add(dofs.ravel(), dofs.ravel())
 
 
 _ADD = PETSc.InsertMode.ADD_VALUES

@@ -190,13 +190,11 @@ def _mass(pair: Any, layout: Layout, block: int) -> tuple[Any, float]:
 def _tangent(contact: PairAssembly, layout: Layout) -> Any:
     """The contact tangent (F9), (F13), all particles with a target closed. Collective."""
     comm, n = layout.comm, layout.owned
-    record, T = _matrix(comm, n, "preallocator"), _matrix(comm, n)
-    record.setUp()
+    pattern, T = _cpp.Pattern(comm.py2f(), n), _matrix(comm, n)
     with together(comm, "infsup.constant"):
-        contact.assembler.insert_pattern(record.handle, True)
-    record.assemble()
-    counts = _cpp.count_rows(record.handle)
-    T.setPreallocationNNZ(tuple(c.astype(PETSc.IntType) for c in counts))
+        contact.assembler.add_pattern(pattern)
+    pattern.finish()
+    pattern.allocate(T.handle)
     # said to all ranks: PETSc waits for ever where a rank without rows has another setting
     T.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
     with together(comm, "infsup.constant"):
@@ -205,11 +203,11 @@ def _tangent(contact: PairAssembly, layout: Layout) -> Any:
     return T
 
 
-def _matrix(comm: Any, n: int, kind: str = "aij") -> Any:
+def _matrix(comm: Any, n: int) -> Any:
     """A square matrix with n rows on this rank."""
     matrix = PETSc.Mat().create(comm)
     matrix.setSizes(((n, None), (n, None)))
-    matrix.setType(kind)
+    matrix.setType("aij")
     return matrix
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from .report import Report
+from .solvers import SaddlePoint, direct
 from .system import System
 
 log = logging.getLogger("dolfinx_contact")
@@ -22,9 +23,7 @@ _PATIENCE = 3
 _DEFAULTS: dict[str, Any] = {
     "snes_type": "newtonls",
     "snes_linesearch_type": "basic",
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
+    **direct(),
 }
 
 
@@ -53,26 +52,27 @@ class NewtonLoop:
         self._first = self._first_matrix = True
         self._known: tuple[Any, Any] | None = None  # a trial x and its residual
 
-    def _snes(self) -> Any:
-        """SNES with our defaults, the problem's options, then the command line's."""
+    def _set(self, snes: Any) -> None:
+        """Our defaults, the problem's options, then the command line's. Collective."""
         system = self.system
-        snes = PETSc.SNES().create(system.comm)
         snes.setFunction(self._residual, system.b)
-        snes.setJacobian(self._jacobian, system.A)
         snes.setTolerances(rtol=self._rtol, atol=0.0, stol=0.0, max_it=self._max_it)
         prefix = f"dolfinx_contact_{next(_solver_number)}_"
         database = PETSc.Options()
         given = {**_DEFAULTS, **self._options}
+        self._keys = [prefix + key for key in given]
         for key, value in given.items():
             database[prefix + key] = value
         snes.setOptionsPrefix("")
         snes.setFromOptions()  # so that -snes_monitor and its like work
         snes.setOptionsPrefix(prefix)
         snes.setFromOptions()
-        self._keys = [prefix + key for key in given]
+        pc = snes.getKSP().getPC()
+        if pc.getType() == "python" and isinstance(pc.getPythonContext(), SaddlePoint):
+            pc.getPythonContext().use(system, prefix)
+        snes.setJacobian(self._jacobian, system.A)
         snes.setConvergenceTest(self._test)
         snes.setLineSearchPreCheck(self._shorten)
-        return snes
 
     def run(self, report: Report, enough: float = 0.0) -> bool:
         """Iterate, and add what happens to a report. Collective.
@@ -86,12 +86,14 @@ class NewtonLoop:
 
         Raises:
             UnheldError: on all ranks, if nothing holds a body at the first iterate
+            InputError: on all ranks, if solvers.iterative meets an unknown that is no displacement
         """
         system, self.report, self._enough = self.system, report, enough
         self._start = len(report.status_changes)
         start = time.perf_counter()
-        snes = self._snes()
+        snes = PETSc.SNES().create(system.comm)
         try:
+            self._set(snes)
             snes.solve(None, system.x)
             report.iterations += snes.getIterationNumber()
             reason = snes.getConvergedReason()
@@ -175,6 +177,8 @@ class NewtonLoop:
         reasons = PETSc.SNES.ConvergedReason
         bulk, contact = system.norms(snes.getFunction()[0])
         report.add(bulk, contact, system.changes)
+        if it > 0:
+            report.linear_iterations.append(snes.getKSP().getIterationNumber())
         log.info(
             "iteration %d: bulk %.3e, contact %.3e, %d opened or closed, %d stuck or slipped,"
             " %d reversed",

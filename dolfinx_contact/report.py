@@ -17,6 +17,7 @@ class Report:
         converged: whether the tolerance was met
         reason: name of PETSc's SNES reason
         iterations: number of linear solves
+        linear_iterations: iterations of KSP in each of them, 1 for a direct solver
         residuals: norm of the residual before each linear solve and at the end, per block: "bulk"
             and "contact" [force]
         reference: force that residuals are compared to [force]
@@ -29,6 +30,7 @@ class Report:
     converged: bool = False
     reason: str = ""
     iterations: int = 0
+    linear_iterations: list[int] = field(default_factory=list)
     residuals: dict[str, list[float]] = field(default_factory=lambda: {"bulk": [], "contact": []})
     reference: float = 0.0
     status_changes: list[int] = field(default_factory=list)

@@ -86,13 +86,13 @@ class System:
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
         self.changes = np.zeros(3, dtype=int)  # see PairAssembly.update
         self.A: Any = None
+        self.hierarchy: Any = None  # of solvers.iterative
         self.x = PETSc.Vec().createMPI((self.layout.owned, None), comm=self.comm)
         self.b = self.x.duplicate()
         self._maps = [
             PETSc.LGMap().create(self.layout.local_dofs(i), comm=self.comm)
             for i in range(len(self.u))
         ]
-        self._bulk_counts = self._count_bulk()
         surfaces = []
         for i, pair in enumerate(pairs):
             for name, surface in (("slave", pair.slave), ("master", pair.master)):
@@ -276,54 +276,30 @@ class System:
                 vector.array[self.layout.slice(block)] = scale[block]
         A.diagonalScale(left, right)
 
-    def _count_bulk(self) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """Nonzeros of the owned rows of the bulk: in columns of this rank, and of others."""
-        owned, other = (np.zeros(self.layout.owned, dtype=np.int64) for _ in range(2))
+    def _add_bulk_pattern(self, pattern: Any) -> None:
+        """Places of the bulk's Jacobian. Collective."""
         for i, row in enumerate(self._J):
-            rows = self.layout.slice(i)
+            first = self.layout.start + self.layout.slice(i).start
             for j, a in enumerate(row):
-                if a is None:
-                    continue
-                offsets, columns = compat.pattern(a)
-                first, last = self.functions[j].function_space.dofmap.index_map.local_range
-                inside = np.concatenate([[0], np.cumsum((columns >= first) & (columns < last))])
-                d = np.diff(inside[offsets]) * self.layout.block_sizes[j]
-                o = np.diff(offsets) * self.layout.block_sizes[j] - d
-                owned[rows] += np.repeat(d, self.layout.block_sizes[i])[: rows.stop - rows.start]
-                other[rows] += np.repeat(o, self.layout.block_sizes[i])[: rows.stop - rows.start]
-        return owned, other
+                if a is not None:
+                    offsets, columns = compat.pattern(a)
+                    size = self.layout.block_sizes[j]
+                    dofs = self.layout.system_dofs(j, columns * size).astype(PETSc.IntType)
+                    pattern.add_sparse(first, self.layout.block_sizes[i], offsets, dofs, size)
 
     def _allocate(self, A: Any) -> None:
-        """Allocate the bulk's pattern and that of the present targets and their neighbours."""
-        n = self.layout.owned
-        record = PETSc.Mat().create(self.comm)
-        record.setSizes(((n, None), (n, None)))
-        record.setType("preallocator")
-        record.setUp()
+        """Allocate the bulk's pattern and that of the present targets and their neighbours; fill A
+        with zeros. Collective."""
+        pattern = _cpp.Pattern(self.comm.py2f(), self.layout.owned)
+        self._add_bulk_pattern(pattern)
         with together(self.comm, "contact pattern"):
             for contact in self.contacts:
-                contact.assembler.insert_pattern(record.handle, True)
-        self.driven.insert_pattern(record)
-        record.assemble()
-        contact_counts = _cpp.count_rows(record.handle)
-        record.destroy()
-
-        total = self.comm.allreduce(n)
-        d = np.minimum(self._bulk_counts[0] + contact_counts[0] + 1, n)
-        o = np.minimum(self._bulk_counts[1] + contact_counts[1], total - n)
-        A.setPreallocationNNZ((d.astype(PETSc.IntType), o.astype(PETSc.IntType)))
-        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
+                contact.assembler.add_pattern(pattern)
+        self.driven.add_pattern(pattern)
+        pattern.finish()
+        pattern.allocate(A.handle)
         A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        # every entry of the pattern is written once: assembly drops what is not
-        self._add_bulk(A, [])
-        with together(self.comm, "contact pattern"):
-            for contact in self.contacts:
-                contact.assembler.insert_pattern(A.handle, False)
-        self.driven.insert_pattern(A)
-        # also where the bulk has none, as in the rows of an incompressible body's pressure
-        rows = self.layout.start + np.arange(n)
-        _add_diagonal(A, rows.astype(PETSc.IntType), 0.0)
-        A.assemble()
+        pattern.fill(A.handle)
 
     def start(self, friction: bool = True) -> None:
         """Begin a step at the Functions' present values. Collective.
@@ -414,15 +390,30 @@ class System:
         for material in self.materials:
             material.commit()
 
-    def create_matrix(self) -> None:
-        """Make the matrix for the present targets, and find how stiff the bodies are."""
+    def new_matrix(self) -> Any:
+        """A matrix with places for the bulk and the present targets. Collective."""
         n = self.layout.owned
-        self.A = PETSc.Mat().create(self.comm)
-        self.A.setSizes(((n, None), (n, None)))
-        self.A.setType("aij")
+        A = PETSc.Mat().create(self.comm)
+        A.setSizes(((n, None), (n, None)))
+        A.setType("aij")
         with events.ALLOCATE:
-            self._allocate(self.A)
-        # of the bulk: _allocate has added nothing else
+            self._allocate(A)
+        return A
+
+    def bulk_matrix(self) -> Any:
+        """The Jacobian of the bulk alone, numbered as the system without its last blocks: of each
+        rank the rows of u. Collective."""
+        alone = System(self._F, self.u, self._J, [], self.bcs)
+        A = alone.new_matrix()
+        alone._add_bulk(A, self.bcs)
+        A.assemble()
+        return A
+
+    def create_matrix(self) -> None:
+        """Make the matrix for the present targets, and find how stiff the bodies are. Collective."""
+        self.A = self.new_matrix()
+        self._add_bulk(self.A, [])
+        self.A.assemble()
         diagonal = self.A.getDiagonal().array.copy()
         present = [[a is not None for a in row] for row in self._J]
         scales, self._row_scale, self._displacements = block_scales(

@@ -9,7 +9,9 @@ import pytest
 FOLDER = Path(__file__).parent.parent / "benchmarks"
 
 
-@pytest.mark.parametrize("name", ["convergence", "rules", "infsup", "material", "scaling"])
+@pytest.mark.parametrize(
+    "name", ["convergence", "rules", "infsup", "material", "scaling", "solvers"]
+)
 def test_small(name, monkeypatch):
     monkeypatch.syspath_prepend(str(FOLDER))
     importlib.import_module(name).main(["--small"])

@@ -39,7 +39,7 @@ def test_events():
         assert count[name] > report.iterations
     assert count["ContactSearch"] > count["ContactResidual"]
     assert count["ContactExchange"] >= 1 and count["ContactAllocate"] >= 1
-    assert count["ContactPattern"] == 2 * count["ContactAllocate"]
+    assert count["ContactPattern"] == count["ContactAllocate"]
     inserted = comm.allreduce(count["ContactInsert"])
     assert inserted > 0
     assert after["ContactInsert"]["time"] <= after["ContactTangent"]["time"]

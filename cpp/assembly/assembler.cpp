@@ -184,10 +184,10 @@ Changes Assembler<D>::update(const Unknowns& u, double close, bool again)
   if (not _frozen.geometry)
   {
     _slave_normals.update(_slave);
-    if (not _tool)
-      _search.refit(_master);
     if (not _tool and interpolated())
       _normals.update(_master);
+    if (not _tool)
+      _search.refit(_master, normals());
   }
 
   if (_particles.refined)

@@ -5,6 +5,7 @@
 #include "../mechanics/coupling.h"
 #include "../targets/rigid_tool.h"
 #include "block_adder.h"
+#include "pattern.h"
 
 #include <array>
 #include <optional>
@@ -150,11 +151,11 @@ public:
   /// also before).
   void tangent(Mat A) const;
 
-  /// Insert zeros wherever particles may couple: their targets and the neighbours of these.
-  /// `remember` keeps the pattern for `pattern_holds`.
-  void insert_pattern(Mat A, bool remember);
+  /// Places of all blocks wherever particles may couple: with their targets and the neighbours of
+  /// these.
+  void add_pattern(Pattern& pattern);
 
-  /// True if all targets are within the pattern inserted last.
+  /// True if all targets are within the pattern added last.
   bool pattern_holds() const;
 
   /// What may move at a node of a multiplier.
@@ -189,26 +190,28 @@ public:
   /// State of one particle after `update`.
   struct State
   {
-    int facet = 0;                            ///< of the slave
-    Vector<D - 1> xi = Vector<D - 1>::Zero(); ///< where on it
-    double weight = 0;                        ///< its part of the reference measure
+    int facet = 0; ///< of the slave
     int cell = -1; ///< if the particles move: the master facet its cell lies on, or −1
+    Vector<D - 1> xi = Vector<D - 1>::Zero(); ///< where on the slave's facet
+    double weight = 0;                        ///< its part of the reference measure
+    bool settled = true;                      ///< no facet held elsewhere can be its target
+    bool closed = false;
+    int changes = 0; ///< between open and closed since `begin_step`
     Target<D> target;
-    std::int64_t away = -1;               ///< id of its last target if that is not held here
-    bool settled = true;                  ///< no facet held elsewhere can be its target
     int piece = -1;                       ///< of the tool that the target is on
     double lambda = 0;                    ///< multiplier, negative in compression
     double gap = -INFINITY;               ///< d_n, negative if open; −∞ without a target
-    Vector<D> x = Vector<D>::Zero();      ///< current position
     Vector<D> n = Vector<D>::Zero();      ///< normal, inward to the master
-    Vector<D> e = Vector<D>::Zero();      ///< direction of (F5)
-    Vector<D> n0 = Vector<D>::Zero();     ///< outward normal of the slave as the step began
     Vector<D> Lambda = Vector<D>::Zero(); ///< friction semi-multiplier
-    Vector<D> slip = Vector<D>::Zero();   ///< ⟦Δu⟧ since the last accepted step; 0 if open
     Friction<D> friction;
-    bool closed = false;
+
+    // what a residual does not read
+    std::int64_t away = -1;             ///< id of its last target if that is not held here
+    Vector<D> x = Vector<D>::Zero();    ///< current position
+    Vector<D> e = Vector<D>::Zero();    ///< direction of (F5)
+    Vector<D> n0 = Vector<D>::Zero();   ///< outward normal of the slave as the step began
+    Vector<D> slip = Vector<D>::Zero(); ///< ⟦Δu⟧ since the last accepted step; 0 if open
     bool touched = false;  ///< it touched at the last accepted step: friction acts since then
-    int changes = 0;       ///< between open and closed since `begin_step`
     double dissipated = 0; ///< by friction, up to the last accepted step [energy/area]
 
     // as they were at `freeze`
@@ -320,6 +323,8 @@ private:
   void tabulate(const double* xi, Sample& out) const;
   void dofs_of(int facet, int target, std::vector<PetscInt>& dofs) const;
   void neighbours();
+  std::vector<std::int32_t> target_nodes(int target) const;
+  std::vector<std::int32_t> nodes_around(int target) const;
   int num_nodes() const { return static_cast<int>(_particles.nodes.size()) / (D - 1); }
   int num_directions() const;
   Vector<D> given_direction(int facet, const BasisValues& position, int point) const;
@@ -356,10 +361,26 @@ private:
   };
   template <bool F>
   void add_tangent() const;
+  /// Columns of a pair's tangent that stand for the corners of cells: what the motion of its
+  /// particles adds.
+  struct MotionSums
+  {
+    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    CellPoints<D> cells;           ///< of the slave facet
+    std::vector<PetscInt> columns; ///< their system dofs
+    Matrix block, part;
+    Sample along; ///< work space
+
+    void reset(const Assembler& a, int facet, std::size_t rows);
+    template <typename Visit>
+    void for_facets(const Assembler& a, Visit visit) const;
+  };
   template <bool F>
-  void motion_tangent(int facet, int target, std::span<const int> particles,
-                      const Vector<D>* tangents, const std::vector<PetscInt>& dofs,
-                      const CellPoints<D>& cells) const;
+  void add_motion(const State& s, int p, const Sample& here, const CouplingBasis<D>& B,
+                  const ContactLaw& law, const Kinematics<D>& k, const FrictionTangent<D>& friction,
+                  const ClosedParticle<D, F>* small, MotionSums& sums) const;
+  void insert_motion(int facet, int target, const std::vector<PetscInt>& dofs,
+                     MotionSums& sums) const;
   Rates<D> rates(const State& s, const Sample& along, int beta) const;
   void node_dofs(const std::vector<std::int32_t>& nodes, const std::vector<PetscInt>& table,
                  std::vector<PetscInt>& dofs) const;

@@ -16,7 +16,7 @@ enum class Event
   residual,  ///< (F1)–(F3), with insertion into the vector
   tangent,   ///< (F9) and (F13), with insertion into the matrix
   insertion, ///< of finished blocks into the matrix, a part of `tangent`
-  pattern,   ///< zeros wherever particles may couple
+  pattern,   ///< places in the matrix wherever particles may couple
   count
 };
 

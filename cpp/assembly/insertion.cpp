@@ -20,6 +20,20 @@ const BasisValues& rigid_basis()
   static const BasisValues one = {.N = {1}, .dN = {}, .ddN = {}};
   return one;
 }
+
+// Fetch what a residual reads of a state. There are more states than caches hold, and a residual
+// does so little with each that it would wait for most.
+template <typename State>
+void fetch(const std::vector<State>& states, std::size_t i)
+{
+  if (i >= states.size())
+    return;
+  constexpr int line = 64; // bytes of the cache
+  const char *p = reinterpret_cast<const char*>(&states[i]),
+             *end = reinterpret_cast<const char*>(&states[i].away);
+  for (; p < end; p += line)
+    __builtin_prefetch(p);
+}
 } // namespace
 
 // t_aα of the friction's nodes of a facet, null without friction.
@@ -125,6 +139,8 @@ void Assembler<D>::residual(::Vec b) const
                     block.setZero(dofs.size());
                     for (int p : particles)
                     {
+                      // of the next facet
+                      fetch(_now.states, _now.offset[f + 1] + p);
                       const State& s = _now.of(f)[p];
                       CouplingBasis<D> B = basis(sample(s, buffer), tangent);
                       if (target >= 0 and not _tool)
@@ -216,11 +232,12 @@ void Assembler<D>::add_tangent() const
   const bool same = _tool or _master.ref.isoparametric();
   FieldSums of_master(_master, _normals, field), of_slave(_slave, _slave_normals, turns);
   FrictionTangent<D> friction{Friction<D>()};
-  CellPoints<D> cells;
+  const bool motion = _particles.refined and moves;
+  MotionSums of_cells;
   for (int f = 0; f < _own; ++f)
   {
-    if (_particles.refined and moves)
-      cells = this->cells(f, true);
+    if (motion)
+      of_cells.cells = cells(f, true);
     const Vector<D>* const tangent = this->tangents(f, tangents);
     auto add_pair = [&](int target, std::span<const int> particles)
     {
@@ -230,6 +247,8 @@ void Assembler<D>::add_tangent() const
         of_master.columns.setZero(dofs.size(), _master.nv() * D);
       if (turns and target >= 0)
         of_slave.columns.setZero(dofs.size(), _slave.nv() * D);
+      if (motion)
+        of_cells.reset(*this, f, dofs.size());
       for (int p : particles)
       {
         const State& s = _now.of(f)[p];
@@ -240,6 +259,8 @@ void Assembler<D>::add_tangent() const
         if (target < 0)
         {
           add_open_tangent<D>(B, law, w, _options.scale, block);
+          if (motion)
+            add_motion<F>(s, p, here, B, law, {}, friction, nullptr, of_cells);
           continue;
         }
         if (not _tool)
@@ -258,7 +279,11 @@ void Assembler<D>::add_tangent() const
         const Kinematics<D> k = kinematics(s, here.position, P);
         if constexpr (F)
           friction = FrictionTangent<D>(s.friction);
-        add_closed_tangent<D, F>(B, law, s.lambda, k, friction, w, _options.scale, block);
+        const ClosedParticle<D, F> small
+            = closed_particle<D, F>(law, s.lambda, k, friction, w, _options.scale);
+        add_closed_tangent<D, F>(B, small, block);
+        if (motion)
+          add_motion<F>(s, p, here, B, law, k, friction, &small, of_cells);
         double N[4], dN[2][4];
         if (field)
         {
@@ -281,9 +306,10 @@ void Assembler<D>::add_tangent() const
               = evaluate<D>(_slave.facet_x(f), _slave.np(), here.position, false);
           const FieldColumns<D> e
               = field_columns<D, F>(B, law, s.lambda, k, k.e, friction, w, _options.scale);
+          const auto of_tangent = normal_of_tangents<D>(own, -_slave.sigma[f]);
           for (int i = 0; i < Q; ++i)
           {
-            const FieldColumns<D> with = e * normal_of_tangent<D>(own, i, -_slave.sigma[f]);
+            const FieldColumns<D> with = e * of_tangent[i];
             for (int a = 0; a < B.slave; ++a)
               block.template middleCols<D>(a * D) += here.displacement.dN[i][a] * with;
           }
@@ -300,8 +326,8 @@ void Assembler<D>::add_tangent() const
         node_dofs(of_slave.finish(f), _slave_dofs, ring);
         _adder.add({f, target, slave_ring}, dofs, ring, of_slave.values.data());
       }
-      if (_particles.refined and moves)
-        motion_tangent<F>(f, target, particles, tangent, dofs, cells);
+      if (motion)
+        insert_motion(f, target, dofs, of_cells);
     };
     for_each_pair(f, work, add_pair);
   }
@@ -315,86 +341,6 @@ void Assembler<D>::node_dofs(const std::vector<std::int32_t>& nodes,
   for (const std::int32_t node : nodes)
     for (int i = 0; i < D; ++i)
       dofs.push_back(table[node * D + i]);
-}
-
-template <int D>
-void Assembler<D>::insert_pattern(Mat A, bool remember)
-{
-  const Logged logged(Event::pattern);
-  _adder.forget();
-  if (remember)
-    _pattern.assign(_own, {});
-  std::vector<PetscInt> dofs, ring;
-  std::vector<PetscScalar> zeros;
-  std::vector<int> targets;
-  auto insert = [&](const std::vector<PetscInt>& columns)
-  {
-    zeros.assign(dofs.size() * columns.size(), 0.0);
-    check(MatSetValues(A, dofs.size(), dofs.data(), columns.size(), columns.data(), zeros.data(),
-                       ADD_VALUES),
-          "MatSetValues (contact pattern)");
-  };
-  for (int f = 0; f < _own; ++f)
-  {
-    targets.assign(1, -1);
-    for (int t = 0; t < static_cast<int>(_tool_dofs.size()) / D; ++t)
-      targets.push_back(t);
-    for (const State& s : _now.of(f))
-      for (const int t : {s.target.facet, s.cell})
-        if (t >= 0 and not _tool)
-          targets.insert(targets.end(), _near.begin() + _near_offset[t],
-                         _near.begin() + _near_offset[t + 1]);
-    std::sort(targets.begin(), targets.end());
-    targets.erase(std::unique(targets.begin(), targets.end()), targets.end());
-    for (int t : targets)
-    {
-      if (t >= 0 and not _tool and not _master.candidate[t])
-        continue;
-      dofs_of(f, t, dofs);
-      insert(dofs);
-      if (_tool)
-        continue;
-      if (_particles.refined and t >= 0) // cells may end at the facets around (motion_tangent)
-        for (int k = _near_offset[t]; k < _near_offset[t + 1]; ++k)
-          if (const int g = _near[k]; _master.candidate[g])
-          {
-            const auto first = _master.local.begin() + g * _master.nu();
-            const std::vector<std::int32_t> nodes(first, first + _master.nu());
-            node_dofs(nodes, _master_dofs, ring);
-            insert(ring);
-          }
-      if (interpolated() and t >= 0)
-      {
-        node_dofs(_normals.nodes(_master, t), _master_dofs, ring);
-        insert(ring);
-      }
-      if (turns_smoothly() and t >= 0)
-      {
-        node_dofs(_slave_normals.nodes(_slave, f), _slave_dofs, ring);
-        insert(ring);
-      }
-      if (remember and t >= 0)
-        _pattern[f].push_back(_master.id[t]); // sorted: facets are
-    }
-  }
-}
-
-template <int D>
-bool Assembler<D>::pattern_holds() const
-{
-  if (static_cast<int>(_pattern.size()) != _own)
-    return false;
-  auto holds = [&](const State& s, int target)
-  {
-    return target < 0
-           or std::binary_search(_pattern[s.facet].begin(), _pattern[s.facet].end(),
-                                 _master.id[target]);
-  };
-  return _tool
-         or std::all_of(_now.states.begin(), _now.states.end(),
-                        [&](const State& s) {
-                          return (not s.closed or holds(s, s.target.facet)) and holds(s, s.cell);
-                        });
 }
 
 // the members of this file; assembler.cpp instantiates the others
@@ -412,9 +358,5 @@ template void Assembler<2>::residual(::Vec) const;
 template void Assembler<3>::residual(::Vec) const;
 template void Assembler<2>::tangent(Mat) const;
 template void Assembler<3>::tangent(Mat) const;
-template void Assembler<2>::insert_pattern(Mat, bool);
-template void Assembler<3>::insert_pattern(Mat, bool);
-template bool Assembler<2>::pattern_holds() const;
-template bool Assembler<3>::pattern_holds() const;
 
 } // namespace dolfinx_contact

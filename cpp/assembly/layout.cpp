@@ -102,6 +102,7 @@ void Assembler<D>::refine()
 {
   Cloud next;
   next.offset.assign(1, 0);
+  next.states.reserve(_now.states.size());
   Sample here;
   for (int f = 0; f < _own; ++f)
   {

@@ -51,119 +51,147 @@ Rates<D> Assembler<D>::rates(const State& s, const Sample& along, int beta) cons
   else if (_options.rules.turning)
   {
     const FacetPoint<D> own = FacetProjection<D>(_slave, f).at(s.xi, true);
+    const auto of_tangent = normal_of_tangents<D>(own, -_slave.sigma[f]);
     for (int i = 0; i < Q; ++i)
-      out.e += normal_of_tangent<D>(own, i, -_slave.sigma[f]) * own.d2(i, beta);
+      out.e += of_tangent[i] * own.d2(i, beta);
   }
   return out;
 }
 
+// The columns of a pair: those of the slave facet's corners, then of one master facet after the
+// other.
 template <int D>
-template <bool F>
-void Assembler<D>::motion_tangent(int f, int target, std::span<const int> particles,
-                                  const Vector<D>* tangents, const std::vector<PetscInt>& dofs,
-                                  const CellPoints<D>& cells) const
+void Assembler<D>::MotionSums::reset(const Assembler& a, int f, std::size_t rows)
 {
-  constexpr int Q = D - 1;
-  std::vector<PetscInt> columns;
+  columns.clear();
   auto add_corners = [&](const Surface& s, int facet, const std::vector<PetscInt>& table)
   {
     for (int v = 0; v < s.nv(); ++v) // the first nodes are the corners
       for (int i = 0; i < D; ++i)
         columns.push_back(table[s.local[facet * s.nu() + v] * D + i]);
   };
-  add_corners(_slave, f, _slave_dofs);
+  add_corners(a._slave, f, a._slave_dofs);
   for (int g : cells.facets)
-    add_corners(_master, g, _master_dofs);
+    add_corners(a._master, g, a._master_dofs);
+  block.setZero(rows, columns.size());
+}
 
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> block
-      = Eigen::MatrixXd::Zero(dofs.size(), columns.size());
-  // columns of the slave facet, then of one master facet after the other
-  auto for_groups = [&](auto visit)
-  {
-    for (Eigen::Index first = 0, n; first < block.cols(); first += n)
-      visit(first, n = D * (first == 0 ? _slave.nv() : _master.nv()));
-  };
-  BasisValues P, M;
-  Sample here, along;
-  for (int p : particles)
-  {
-    const State& s = _now.of(f)[p];
-    const ContactLaw law = this->law(s);
-    tabulate(s.xi.data(), here);
-    CouplingBasis<D> B = basis(here, tangents);
-    Kinematics<D> k;
-    if (s.closed)
-    {
-      _master.ref.position.tabulate(s.target.xi.data(), P, true);
-      _master.ref.displacement.tabulate(s.target.xi.data(), M);
-      B.M = &M;
-      B.master = _master.nu();
-      k = kinematics(s, here.position, P);
-    }
-    const FrictionTangent<D> friction(s.friction);
-    PairVector<D> r = PairVector<D>::Zero(dofs.size());
-    add_residual<D>(B, law, s.closed, s.lambda, s.gap, traction_at(s), s.Lambda, s.friction,
-                    s.weight, _options.scale, r);
-    BasisValues second;
-    _slave.ref.position.tabulate(s.xi.data(), second, true);
-    const FacetPoint<D> X = evaluate<D>(_slave.facet_X(f), _slave.np(), second, true);
-    BasisValues psi, phi;
-    _particles.multiplier.tabulate(s.xi.data(), psi);
-    if (B.friction > 0)
-      _friction.basis.tabulate(s.xi.data(), phi);
+// visit(first, n) of the columns of each facet
+template <int D>
+template <typename Visit>
+void Assembler<D>::MotionSums::for_facets(const Assembler& a, Visit visit) const
+{
+  for (Eigen::Index first = 0, n; first < block.cols(); first += n)
+    visit(first, n = D * (first == 0 ? a._slave.nv() : a._master.nv()));
+}
 
-    const auto& motion = cells.motion[p];
-    Eigen::Matrix<double, Eigen::Dynamic, D> with(dofs.size(), D); // with log w and ξ
-    with.col(0) = r;
-    for (int b = 0; b < Q; ++b)
-    {
-      std::copy_n(here.position.dN[b], BasisValues::max_nodes, along.position.N);
-      std::copy_n(here.displacement.dN[b], BasisValues::max_nodes, along.displacement.N);
-      std::copy_n(psi.dN[b], BasisValues::max_nodes, along.psi.begin());
-      std::copy_n(phi.dN[b], BasisValues::max_nodes, along.phi.begin());
-      CouplingBasis<D> Bb = basis(along, tangents);
-      const Rates<D> rate = rates(s, along, b);
-      const PairVector<D> d
-          = s.closed ? closed_rate<D, F>(B, Bb, law, s.lambda, k, s.Lambda, friction, rate,
-                                         s.weight, _options.scale)
-                     : open_rate<D>(B, Bb, law, s.lambda, s.Lambda, rate, s.weight, _options.scale);
-      with.col(1 + b) = d + measure_rate<D>(X, b, _particles.axisymmetric) * r;
-    }
-    for_groups(
-        [&](Eigen::Index first, Eigen::Index n)
-        {
-          if (not motion.middleCols(first, n).isZero(0))
-            block.middleCols(first, n).noalias() += with.lazyProduct(motion.middleCols(first, n));
-        });
+// @param p number of the particle on its facet
+// @param small null for an open particle, like k
+template <int D>
+template <bool F>
+void Assembler<D>::add_motion(const State& s, int p, const Sample& here, const CouplingBasis<D>& B,
+                              const ContactLaw& law, const Kinematics<D>& k,
+                              const FrictionTangent<D>& friction, const ClosedParticle<D, F>* small,
+                              MotionSums& sums) const
+{
+  constexpr int Q = D - 1;
+  PairVector<D> r = PairVector<D>::Zero(B.size());
+  add_residual<D>(B, law, s.closed, s.lambda, s.gap, traction_at(s), s.Lambda, s.friction, s.weight,
+                  _options.scale, r);
+  BasisValues second, psi, phi;
+  _slave.ref.position.tabulate(s.xi.data(), second, true);
+  const FacetPoint<D> X = evaluate<D>(_slave.facet_X(s.facet), _slave.np(), second, true);
+  _particles.multiplier.tabulate(s.xi.data(), psi);
+  if (B.friction > 0)
+    _friction.basis.tabulate(s.xi.data(), phi);
+
+  FieldColumns<D> with(B.size(), D); // with log w and ξ
+  with.col(0) = r;
+  Sample& along = sums.along;
+  for (int b = 0; b < Q; ++b)
+  {
+    std::copy_n(here.position.dN[b], BasisValues::max_nodes, along.position.N);
+    std::copy_n(here.displacement.dN[b], BasisValues::max_nodes, along.displacement.N);
+    std::copy_n(psi.dN[b], BasisValues::max_nodes, along.psi.begin());
+    std::copy_n(phi.dN[b], BasisValues::max_nodes, along.phi.begin());
+    const CouplingBasis<D> Bb = basis(along, B.tangent);
+    const Rates<D> rate = rates(s, along, b);
+    const PairVector<D> d
+        = small ? closed_rate<D, F>(B, Bb, law, s.lambda, k, s.Lambda, friction, *small, rate,
+                                    s.weight, _options.scale)
+                : open_rate<D>(B, Bb, law, s.lambda, s.Lambda, rate, s.weight, _options.scale);
+    with.col(1 + b) = d + measure_rate<D>(X, b, _particles.axisymmetric) * r;
   }
 
+  const auto motion = sums.cells.motion.template middleRows<D>(D * p);
+  auto add = [&]<int N>(Eigen::Index first)
+  {
+    const auto moved = motion.template middleCols<N>(first);
+    if (moved.isZero(0))
+      return;
+    for (Eigen::Index i = 0; i < with.rows(); ++i)
+    {
+      auto row = sums.block.row(i).template segment<N>(first);
+      if constexpr (D == 2)
+        row += with(i, 0) * moved.row(0) + with(i, 1) * moved.row(1);
+      else
+        row += with(i, 0) * moved.row(0) + with(i, 1) * moved.row(1) + with(i, 2) * moved.row(2);
+    }
+  };
+  sums.for_facets(*this,
+                  [&](Eigen::Index first, Eigen::Index n)
+                  {
+                    if (D == 3 and n == 12) // quadrilaterals
+                      add.template operator()<D == 3 ? 12 : D * D>(first);
+                    else // intervals, triangles
+                      add.template operator()<D * D>(first);
+                  });
+}
+
+template <int D>
+void Assembler<D>::insert_motion(int f, int target, const std::vector<PetscInt>& dofs,
+                                 MotionSums& sums) const
+{
   // cells depend on few of the facets around, and the pattern has no place for the others
-  for_groups(
-      [&](Eigen::Index first, Eigen::Index n)
-      {
-        if (block.middleCols(first, n).isZero(0))
-          return;
-        const decltype(block) part = block.middleCols(first, n);
-        const int kind = first == 0 ? slave_corners
-                                    : master_corners + cells.facets[(first - D * _slave.nv()) / n];
-        _adder.add({f, target, kind}, dofs, std::span(columns).subspan(first, n), part.data());
-      });
+  sums.for_facets(*this,
+                  [&](Eigen::Index first, Eigen::Index n)
+                  {
+                    if (sums.block.middleCols(first, n).isZero(0))
+                      return;
+                    sums.part = sums.block.middleCols(first, n);
+                    const int kind
+                        = first == 0
+                              ? slave_corners
+                              : master_corners + sums.cells.facets[(first - D * _slave.nv()) / n];
+                    _adder.add({f, target, kind}, dofs, std::span(sums.columns).subspan(first, n),
+                               sums.part.data());
+                  });
 }
 
 // the members of this file; assembler.cpp instantiates the others
 template Rates<2> Assembler<2>::rates(const State&, const Sample&, int) const;
 template Rates<3> Assembler<3>::rates(const State&, const Sample&, int) const;
-template void Assembler<2>::motion_tangent<false>(int, int, std::span<const int>, const Vector<2>*,
-                                                  const std::vector<PetscInt>&,
-                                                  const CellPoints<2>&) const;
-template void Assembler<2>::motion_tangent<true>(int, int, std::span<const int>, const Vector<2>*,
-                                                 const std::vector<PetscInt>&,
-                                                 const CellPoints<2>&) const;
-template void Assembler<3>::motion_tangent<false>(int, int, std::span<const int>, const Vector<3>*,
-                                                  const std::vector<PetscInt>&,
-                                                  const CellPoints<3>&) const;
-template void Assembler<3>::motion_tangent<true>(int, int, std::span<const int>, const Vector<3>*,
-                                                 const std::vector<PetscInt>&,
-                                                 const CellPoints<3>&) const;
+template void Assembler<2>::MotionSums::reset(const Assembler&, int, std::size_t);
+template void Assembler<3>::MotionSums::reset(const Assembler&, int, std::size_t);
+template void Assembler<2>::insert_motion(int, int, const std::vector<PetscInt>&,
+                                          MotionSums&) const;
+template void Assembler<3>::insert_motion(int, int, const std::vector<PetscInt>&,
+                                          MotionSums&) const;
+template void Assembler<2>::add_motion<false>(const State&, int, const Sample&,
+                                              const CouplingBasis<2>&, const ContactLaw&,
+                                              const Kinematics<2>&, const FrictionTangent<2>&,
+                                              const ClosedParticle<2, false>*, MotionSums&) const;
+template void Assembler<2>::add_motion<true>(const State&, int, const Sample&,
+                                             const CouplingBasis<2>&, const ContactLaw&,
+                                             const Kinematics<2>&, const FrictionTangent<2>&,
+                                             const ClosedParticle<2, true>*, MotionSums&) const;
+template void Assembler<3>::add_motion<false>(const State&, int, const Sample&,
+                                              const CouplingBasis<3>&, const ContactLaw&,
+                                              const Kinematics<3>&, const FrictionTangent<3>&,
+                                              const ClosedParticle<3, false>*, MotionSums&) const;
+template void Assembler<3>::add_motion<true>(const State&, int, const Sample&,
+                                             const CouplingBasis<3>&, const ContactLaw&,
+                                             const Kinematics<3>&, const FrictionTangent<3>&,
+                                             const ClosedParticle<3, true>*, MotionSums&) const;
 
 } // namespace dolfinx_contact

@@ -175,20 +175,15 @@ private:
 
   void allocate()
   {
-    Mat pattern;
     const PetscInt n = _dofs.size;
-    check(MatCreate(PETSC_COMM_SELF, &pattern), "MatCreate");
-    check(MatSetSizes(pattern, n, n, n, n), "MatSetSizes");
-    check(MatSetType(pattern, MATPREALLOCATOR), "MatSetType");
-    check(MatSetUp(pattern), "MatSetUp");
-    _assembler.insert_pattern(pattern, false);
-    check(MatAssemblyBegin(pattern, MAT_FINAL_ASSEMBLY), "MatAssemblyBegin");
-    check(MatAssemblyEnd(pattern, MAT_FINAL_ASSEMBLY), "MatAssemblyEnd");
+    Pattern pattern(PETSC_COMM_SELF, n);
+    _assembler.add_pattern(pattern);
+    pattern.finish();
     check(MatCreate(PETSC_COMM_SELF, &A), "MatCreate");
     check(MatSetSizes(A, n, n, n, n), "MatSetSizes");
     check(MatSetType(A, MATAIJ), "MatSetType");
-    check(MatPreallocatorPreallocate(pattern, PETSC_TRUE, A), "MatPreallocatorPreallocate");
-    check(MatDestroy(&pattern), "MatDestroy");
+    pattern.allocate(A);
+    pattern.fill(A);
     check(MatSetOption(A, MAT_NEW_NONZERO_LOCATION_ERR, PETSC_TRUE), "MatSetOption");
     check(VecCreateSeq(PETSC_COMM_SELF, n, &b), "VecCreateSeq");
   }

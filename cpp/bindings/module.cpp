@@ -181,24 +181,41 @@ void declare_particles(py::module_& m)
 
 } // namespace
 
-PYBIND11_MODULE(_cpp, m)
+namespace
 {
-  m.doc() = "C++ kernels of dolfinx_contact";
-  declare_geometry(m);
-  declare_particles(m);
-  m.def("count_rows",
-        [](std::uintptr_t mat)
-        {
-          const RowCounts c = count_rows(reinterpret_cast<Mat>(mat));
-          const py::ssize_t n = c.diagonal.size();
-          return py::make_tuple(as_array(c.diagonal, {n}), as_array(c.off_diagonal, {n}));
-        });
+void declare_matrices(py::module_& m)
+{
+  using Dofs = array<PetscInt>;
+  py::class_<Pattern>(m, "Pattern")
+      .def(py::init([](std::int64_t comm, PetscInt owned)
+                    { return Pattern(communicator(comm), owned); }),
+           py::arg("comm"), py::arg("owned"))
+      .def("add", [](Pattern& p, const Dofs& rows, const Dofs& columns)
+           { p.add(span(rows), span(columns)); })
+      .def("add_sparse",
+           [](Pattern& p, PetscInt first, PetscInt block_rows, const array<std::int64_t>& offset,
+              const Dofs& columns, PetscInt block_columns)
+           { p.add_sparse(first, block_rows, span(offset), span(columns), block_columns); })
+      .def("finish", &Pattern::finish)
+      .def("allocate",
+           [](const Pattern& p, std::uintptr_t mat) { p.allocate(reinterpret_cast<Mat>(mat)); })
+      .def("fill",
+           [](const Pattern& p, std::uintptr_t mat) { p.fill(reinterpret_cast<Mat>(mat)); });
   m.def("largest_in_rows",
         [](std::uintptr_t mat)
         {
           const std::vector<double> v = largest_in_rows(reinterpret_cast<Mat>(mat));
           return as_array(v, {static_cast<py::ssize_t>(v.size())});
         });
+}
+} // namespace
+
+PYBIND11_MODULE(_cpp, m)
+{
+  m.doc() = "C++ kernels of dolfinx_contact";
+  declare_geometry(m);
+  declare_particles(m);
+  declare_matrices(m);
   // The first one registers all, under PETSc's class "dolfinx_contact".
   m.def("register_log_events", [] { log_event(Event::search); });
   declare_tools(m);

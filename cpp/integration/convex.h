@@ -5,6 +5,8 @@
 // share its end points: the measures of all parts add up to that of the whole, whatever is cut out.
 #pragma once
 
+#include "few.h"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -43,9 +45,9 @@ struct Interval
 /// A convex polygon, its corners counter-clockwise.
 struct Polygon
 {
-  std::vector<Eigen::Vector2d> corners;
-  std::vector<int> lines = {}; ///< if any, numbers that the edges keep when they are cut: that of
-                               ///< the line from each corner to the next
+  Few<Eigen::Vector2d, 8> corners; ///< two quadrilaterals have no more in common
+  Few<int, 8> lines = {}; ///< if any, numbers that the edges keep when they are cut: that of the
+                          ///< line from each corner to the next
 
   static double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b)
   {
@@ -142,7 +144,7 @@ struct Polygon
       inside.split(a, b, other.lines.empty() ? -1 : other.lines[i], left, right);
       if (not right.empty())
         rest.push_back(right);
-      std::swap(inside, left);
+      inside = left;
     }
     return inside;
   }

@@ -11,22 +11,6 @@ namespace dolfinx_contact
 namespace
 {
 
-// Corners of a facet in the order in which they follow each other around it.
-std::span<const int> around(Shape shape)
-{
-  static constexpr std::array<int, 4> quadrilateral = {0, 1, 3, 2};
-  static constexpr std::array<int, 3> others = {0, 1, 2};
-  if (shape == Shape::quadrilateral)
-    return quadrilateral;
-  return std::span(others).first(num_vertices(shape));
-}
-
-template <int D>
-Vector<D> corner(const Surface& s, int f, int v)
-{
-  return Eigen::Map<const Vector<D>>(s.facet_x(f) + v * D); // the first nodes are the corners
-}
-
 // A master facet in the slave facet's plane.
 template <int D>
 struct Shadow
@@ -34,13 +18,13 @@ struct Shadow
   typename Chart<D>::Set set;
   double height; // how far its corners are on average
   int master;
-  int first;           // number of its first corner among all projected ones
-  std::vector<int> at; // which of them follow each other around the set
+  int first;      // number of its first corner among all projected ones
+  Few<int, 4> at; // which of them follow each other around the set
 };
 
 // Append the set of the projected corners c of a master facet, if it faces the slave: σ σ' τ·τ' <
 // 0.
-void append(const std::vector<Vector<1>>& c, double facing, Shadow<2> shadow,
+void append(const Few<Vector<1>, 4>& c, double facing, Shadow<2> shadow,
             std::vector<Shadow<2>>& out)
 {
   const int low = c[0][0] < c[1][0] ? 0 : 1;
@@ -52,18 +36,21 @@ void append(const std::vector<Vector<1>>& c, double facing, Shadow<2> shadow,
   }
 }
 
-void append(const std::vector<Vector<2>>& c, double facing, Shadow<3> shadow,
+void append(const Few<Vector<2>, 4>& c, double facing, Shadow<3> shadow,
             std::vector<Shadow<3>>& out)
 {
-  const Polygon p{c};
-  const double area = p.signed_area();
+  Polygon whole;
+  for (const Vector<2>& x : c)
+    whole.corners.push_back(x);
+  const double area = whole.signed_area();
   if (not(area * facing < 0))
     return;
-  std::vector<int> order(c.size());
-  std::iota(order.begin(), order.end(), 0);
+  Few<int, 4> order;
+  for (std::size_t i = 0; i < c.size(); ++i)
+    order.push_back(static_cast<int>(i));
   if (area < 0)
     std::reverse(order.begin(), order.end());
-  auto add = [&](const std::vector<int>& at)
+  auto add = [&](const Few<int, 4>& at)
   {
     shadow.at = at;
     shadow.set.clear();
@@ -76,8 +63,8 @@ void append(const std::vector<Vector<2>>& c, double facing, Shadow<3> shadow,
   else if (c.size() == 4)
     for (int i : {0, 1}) // one of the diagonals divides it into two triangles
     {
-      const std::vector<int>&o = order, a = {o[i], o[i + 1], o[i + 2]},
-            b = {o[i + 2], o[(i + 3) % 4], o[i]};
+      const Few<int, 4>&o = order, a = {o[i], o[i + 1], o[i + 2]},
+                     b = {o[i + 2], o[(i + 3) % 4], o[i]};
       if (not add(a) or not add(b))
         continue;
       out.push_back(shadow);
@@ -93,13 +80,13 @@ struct Lines
 {
   std::vector<std::array<int, 2>> through;
 
-  void number(Interval& set, const std::vector<int>& at, int first)
+  void number(Interval& set, const Few<int, 4>& at, int first)
   {
     set.lo_from = first + at[0];
     set.hi_from = first + at[1];
   }
 
-  void number(Polygon& set, const std::vector<int>& at, int first)
+  void number(Polygon& set, const Few<int, 4>& at, int first)
   {
     for (std::size_t i = 0; i < at.size(); ++i)
     {
@@ -109,55 +96,81 @@ struct Lines
   }
 };
 
-template <int D>
-using Motion = Eigen::Matrix<double, D - 1, Eigen::Dynamic>;
+// Variations, one number a row.
+using Motion = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// A point that the corners of cells are made of, and how it varies.
+// The points that the corners of cells are made of, and how they vary: D − 1 rows each.
 template <int D>
-struct Base
+struct Bases
 {
-  Vector<D - 1> c;
-  Motion<D> of;
+  std::vector<Vector<D - 1>> c;
+  Motion of;
 };
 
-// How the corners of a cell vary.
-std::vector<Motion<2>> corners_of(const Interval& cell, const Lines&,
-                                  const std::vector<Base<2>>& bases)
+// visit(number) of the points that the corners of a cell are made of.
+template <typename Visit>
+void for_points(const Interval& cell, const Lines&, Visit visit)
 {
-  return {bases[cell.lo_from].of, bases[cell.hi_from].of};
+  visit(cell.lo_from);
+  visit(cell.hi_from);
 }
 
-std::vector<Motion<3>> corners_of(const Polygon& cell, const Lines& lines,
-                                  const std::vector<Base<3>>& bases)
+template <typename Visit>
+void for_points(const Polygon& cell, const Lines& lines, Visit visit)
 {
-  std::vector<Motion<3>> out;
+  for (const int line : cell.lines)
+    for (const int point : lines.through[line])
+      visit(point);
+}
+
+// How the corners of a cell vary, D − 1 rows each.
+void corners_of(const Interval& cell, const Lines&, const Bases<2>& bases, Motion& out)
+{
+  out.resize(2, bases.of.cols());
+  out.row(0) = bases.of.row(cell.lo_from);
+  out.row(1) = bases.of.row(cell.hi_from);
+}
+
+void corners_of(const Polygon& cell, const Lines& lines, const Bases<3>& bases, Motion& out)
+{
   const std::size_t n = cell.corners.size();
+  out.setZero(2 * n, bases.of.cols());
   for (std::size_t i = 0; i < n; ++i)
   {
     // on two lines: n_1·δx = n_1·((1 − t) δA + t δB), likewise the other
     const Eigen::Vector2d& x = cell.corners[i];
     Eigen::Matrix2d normals;
-    std::array<Motion<3>, 2> on;
+    std::array<std::array<int, 2>, 2> ends;
+    std::array<double, 2> t;
     for (int k : {0, 1})
     {
-      const auto [a, b] = lines.through[cell.lines[k == 0 ? (i + n - 1) % n : i]];
-      const Eigen::Vector2d edge = bases[b].c - bases[a].c;
-      const double t = edge.dot(x - bases[a].c) / edge.squaredNorm();
-      on[k] = (1 - t) * bases[a].of + t * bases[b].of;
+      ends[k] = lines.through[cell.lines[k == 0 ? (i + n - 1) % n : i]];
+      const auto [a, b] = ends[k];
+      const Eigen::Vector2d edge = bases.c[b] - bases.c[a];
+      t[k] = edge.dot(x - bases.c[a]) / edge.squaredNorm();
       normals.row(k) << -edge[1], edge[0];
       normals.row(k).normalize();
     }
+    // δx += P ((1 − t) δA + t δB)
+    auto add = [&](const Eigen::Matrix2d& P, int k)
+    {
+      for (int end : {0, 1})
+      {
+        const Eigen::Matrix2d of = (end == 0 ? 1 - t[k] : t[k]) * P;
+        const auto base = bases.of.middleRows<2>(2 * ends[k][end]);
+        for (int r : {0, 1})
+          out.row(2 * i + r) += of(r, 0) * base.row(0) + of(r, 1) * base.row(1);
+      }
+    };
     if (std::abs(normals.determinant()) < 1e-6) // it lies inside an edge
     {
-      out.push_back(on[0]);
+      add(Eigen::Matrix2d::Identity(), 0);
       continue;
     }
-    Motion<3> rhs(2, on[0].cols());
+    const Eigen::Matrix2d inverse = normals.inverse();
     for (int k : {0, 1})
-      rhs.row(k) = normals.row(k) * on[k];
-    out.push_back(normals.inverse() * rhs);
+      add(inverse.col(k) * normals.row(k), k);
   }
-  return out;
 }
 
 // Simplices of a cell: visit(its corners' numbers, their points, measure in units of the reference
@@ -182,165 +195,24 @@ void simplices(const Polygon& cell, Visit visit)
   }
 }
 
-// δ of the measure in `simplices`.
-Motion<2>::RowXpr::PlainObject measure_variation(const std::array<Vector<1>, 2>&,
-                                                 const std::array<Motion<2>, 2>& dc)
+// δ of the measure in `simplices`, whose corners are rows `at` of `of`.
+Eigen::RowVectorXd measure_variation(const std::array<Vector<1>, 2>&, const Motion& of,
+                                     const std::array<std::size_t, 2>& at)
 {
-  return dc[1].row(0) - dc[0].row(0);
+  return of.row(at[1]) - of.row(at[0]);
 }
 
-Motion<3>::RowXpr::PlainObject measure_variation(const std::array<Vector<2>, 3>& c,
-                                                 const std::array<Motion<3>, 3>& dc)
+Eigen::RowVectorXd measure_variation(const std::array<Vector<2>, 3>& c, const Motion& of,
+                                     const std::array<std::size_t, 3>& at)
 {
   const Eigen::Vector2d a = c[1] - c[0], b = c[2] - c[0];
-  const Motion<3> da = dc[1] - dc[0], db = dc[2] - dc[0];
-  return da.row(0) * b[1] - da.row(1) * b[0] + a[0] * db.row(1) - a[1] * db.row(0);
+  const auto d0 = of.middleRows<2>(2 * at[0]), d1 = of.middleRows<2>(2 * at[1]),
+             d2 = of.middleRows<2>(2 * at[2]);
+  return b[1] * (d1.row(0) - d0.row(0)) - b[0] * (d1.row(1) - d0.row(1))
+         + a[0] * (d2.row(1) - d0.row(1)) - a[1] * (d2.row(0) - d0.row(0));
 }
 
 } // namespace
-
-template <int D>
-Chart<D>::Chart(const Surface& s, int f)
-    : _shape(s.ref.shape)
-    , _nv(s.nv())
-{
-  std::array<Vector<D>, 4> x;
-  for (int v = 0; v < s.nv(); ++v)
-    x[v] = corner<D>(s, f, v);
-  _origin = x[0];
-  _a.col(0) = x[1] - x[0];
-  if constexpr (D == 3)
-    _a.col(1) = x[2] - x[0];
-  Vector<D> hourglass = Vector<D>::Zero();
-  if (_shape == Shape::quadrilateral)
-  {
-    // x(ξ) = centre + a_α (ξ_α − ½) + h (ξ_1 − ½)(ξ_2 − ½)
-    hourglass = x[0] - x[1] - x[2] + x[3];
-    for (int i = 0; i < Q; ++i)
-      _a.col(i) += 0.5 * hourglass;
-    _origin = 0.25 * (x[0] + x[1] + x[2] + x[3]) - 0.5 * _a.rowwise().sum();
-  }
-  if constexpr (D == 2)
-    _normal = Vector<2>(_a(1, 0), -_a(0, 0)).normalized();
-  else
-  {
-    _normal = _a.col(0).cross(_a.col(1)).normalized();
-    if (_shape == Shape::quadrilateral)
-    {
-      const Vector<D> h = project(_origin + hourglass, _normal);
-      _kappa = h.template head<Q>();
-      _warp = h[D - 1];
-      // a facet that folds has no such plane; its cells are then those of straight lines in ξ
-      if (not(_kappa.template lpNorm<1>() < 1.9))
-        _kappa.setZero();
-    }
-  }
-}
-
-template <int D>
-auto Chart<D>::whole() const -> Set
-{
-  if constexpr (D == 2)
-    return {0, 1};
-  else
-  {
-    Polygon p;
-    for (int v : around(_shape))
-    {
-      const Eigen::Map<const Vector<2>> xi(reference_vertex(_shape, v));
-      p.corners.push_back(xi + (xi[0] - 0.5) * (xi[1] - 0.5) * _kappa);
-    }
-    return p;
-  }
-}
-
-template <int D>
-Vector<D> Chart<D>::project(const Vector<D>& x, const Vector<D>& m) const
-{
-  Eigen::Matrix<double, D, D> A;
-  A << _a, m;
-  return A.inverse() * (x - _origin);
-}
-
-template <int D>
-auto Chart<D>::xi(const Vector<Q>& c) const -> Vector<Q>
-{
-  if constexpr (D == 3)
-    if (_shape == Shape::quadrilateral)
-    {
-      // with C = c − ½ and w = (ξ_1 − ½)(ξ_2 − ½): ξ − ½ = C − κ w, thus
-      // κ_1 κ_2 w² − (1 + κ_1 C_2 + κ_2 C_1) w + C_1 C_2 = 0, and w = 0 where C_1 C_2 = 0
-      const Vector<2> C = c.array() - 0.5;
-      const double b = 1 + _kappa[0] * C[1] + _kappa[1] * C[0], p = C[0] * C[1];
-      const double root = std::sqrt(std::max(0.0, b * b - 4 * _kappa[0] * _kappa[1] * p));
-      return c - 2 * p / (b + root) * _kappa;
-    }
-  return c;
-}
-
-template <int D>
-auto Chart<D>::gradient(const Vector<Q>& xi) const -> Eigen::Matrix<double, Q, Q>
-{
-  Eigen::Matrix<double, Q, Q> J = Eigen::Matrix<double, Q, Q>::Identity();
-  if constexpr (D == 3)
-  {
-    J.col(0) += (xi[1] - 0.5) * _kappa;
-    J.col(1) += (xi[0] - 0.5) * _kappa;
-  }
-  return J;
-}
-
-template <int D>
-auto Chart<D>::dual(const Vector<D>& m) const -> Eigen::Matrix<double, Q, D>
-{
-  Eigen::Matrix<double, D, D> A;
-  A << _a, m;
-  return A.inverse().template topRows<Q>();
-}
-
-// x = o + a_α c^α + s m: δc^α = a^α·(δx − δo − δa_β c^β − s δm), and for m = N
-// a^α·δN = −G^αβ N·δa_β with G^αβ = a^α·a^β
-template <int D>
-auto Chart<D>::variation(const Vector<D>& at, const Vector<D>& m, bool free, bool turns) const
-    -> Eigen::Matrix<double, Q, Eigen::Dynamic>
-{
-  const Eigen::Matrix<double, Q, D> a = dual(m);
-  const Eigen::Matrix<double, Q, Q> G = a * a.transpose();
-  Eigen::Matrix<double, Q, Eigen::Dynamic> out(Q, D * _nv);
-  const bool quadrilateral = _shape == Shape::quadrilateral;
-  for (int v = 0; v < _nv; ++v)
-  {
-    // o = Σ_v origin x_v, a_β = Σ_v tangent_β x_v
-    Vector<Q> tangent;
-    for (int i = 0; i < Q; ++i)
-      tangent[i] = v == 0 ? -1 : v == i + 1 ? 1 : 0;
-    double origin = v == 0;
-    if (quadrilateral)
-    {
-      tangent.array() += v == 0 or v == 3 ? 0.5 : -0.5;
-      origin = 0.25 - 0.5 * tangent.sum();
-    }
-    const double with = (free ? origin : 0) + tangent.dot(at.template head<Q>());
-    out.template middleCols<D>(v * D) = -with * a;
-    if (turns)
-      out.template middleCols<D>(v * D) += at[D - 1] * (G * tangent) * _normal.transpose();
-  }
-  return out;
-}
-
-template <int D>
-auto Chart<D>::kappa_variation() const -> Eigen::Matrix<double, Q, Eigen::Dynamic>
-{
-  if (D == 2 or _kappa.isZero(0))
-    return Eigen::Matrix<double, Q, Eigen::Dynamic>::Zero(Q, D * _nv);
-  Vector<D> at;
-  at << _kappa, _warp;
-  Eigen::Matrix<double, Q, Eigen::Dynamic> out = variation(at, _normal, false, true);
-  const Eigen::Matrix<double, Q, D> a = dual(_normal);
-  for (int v = 0; v < _nv; ++v) // h = x_0 − x_1 − x_2 + x_3
-    out.template middleCols<D>(v * D) += (v == 0 or v == 3 ? 1 : -1) * a;
-  return out;
-}
 
 template <int D>
 CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& master,
@@ -361,7 +233,7 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
     if (std::abs(m.dot(chart.normal())) < grazing)
       break;
     Shadow<D> shadow{{}, 0, g, static_cast<int>(projected.size()), {}};
-    std::vector<Vector<Q>> c;
+    Few<Vector<Q>, 4> c;
     double nearest = INFINITY;
     for (int v : around(master.ref.shape))
     {
@@ -383,8 +255,9 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
   Lines lines;
   if (motion)
   {
-    std::vector<int> own(nv);
-    std::iota(own.begin(), own.end(), 0);
+    Few<int, 4> own;
+    for (int v = 0; v < nv; ++v)
+      own.push_back(v);
     lines.number(whole, own, 0);
     for (Shadow<D>& s : shadows)
       lines.number(s.set, s.at, nv + s.first);
@@ -396,83 +269,121 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
   divide<Set>(whole, sets, cells);
 
   CellPoints<D> out;
-  std::vector<Base<D>> bases;
-  Motion<D> of_kappa;
+  Bases<D> bases;
+  Motion of_kappa;
   if (motion)
   {
+    // only some of the projected points are on the boundary of a cell
+    std::vector<bool> used(nv + projected.size(), false);
+    for (const Part<Set>& cell : cells)
+      for_points(cell.set, lines, [&](int point) { used[point] = true; });
+    auto is_used = [&](const Shadow<D>& s)
+    {
+      const auto first = used.begin() + nv + s.first;
+      return std::find(first, first + master.nv(), true) != first + master.nv();
+    };
     for (const Shadow<D>& s : shadows)
-      out.facets.push_back(s.master);
+      if (is_used(s))
+        out.facets.push_back(s.master);
     std::sort(out.facets.begin(), out.facets.end());
     out.facets.erase(std::unique(out.facets.begin(), out.facets.end()), out.facets.end());
     const int columns = D * (nv + static_cast<int>(out.facets.size()) * master.nv());
-    of_kappa = Motion<D>::Zero(Q, columns);
-    of_kappa.leftCols(D * nv) = chart.kappa_variation();
+    of_kappa = chart.kappa_variation();
+    bases.c.resize(nv + projected.size());
+    bases.of.setZero(Q * bases.c.size(), columns);
     const auto corner_order = around(slave.ref.shape);
     for (int i = 0; i < nv; ++i)
     {
       const Eigen::Map<const Vector<Q>> xi(reference_vertex(slave.ref.shape, corner_order[i]));
       const double w = D == 2 ? 0 : (xi[0] - 0.5) * (xi[Q - 1] - 0.5);
-      bases.push_back({xi + w * chart.kappa(), w * of_kappa});
+      bases.c[i] = xi + w * chart.kappa();
+      bases.of.template middleRows<Q>(Q * i).leftCols(D * nv) = w * of_kappa;
     }
-    bases.resize(nv + projected.size(), {Vector<Q>::Zero(), Motion<D>::Zero(Q, columns)});
     for (const Shadow<D>& s : shadows)
     {
+      if (not is_used(s))
+        continue;
       const auto g = std::lower_bound(out.facets.begin(), out.facets.end(), s.master);
       const int first = nv + static_cast<int>(g - out.facets.begin()) * master.nv();
       for (int i = 0; i < master.nv(); ++i)
       {
         const Vector<D>& at = projected[s.first + i];
-        Base<D>& base = bases[nv + s.first + i];
-        base.c = at.template head<Q>();
-        base.of.leftCols(D * nv) = chart.variation(at, m, true, turns);
-        base.of.template middleCols<D>(D * (first + around(master.ref.shape)[i])) = chart.dual(m);
+        const int b = nv + s.first + i;
+        bases.c[b] = at.template head<Q>();
+        auto base = bases.of.template middleRows<Q>(Q * b);
+        base.leftCols(D * nv) = chart.variation(at, m, true, turns);
+        base.template middleCols<D>(D * (first + around(master.ref.shape)[i])) = chart.dual(m);
       }
     }
   }
+
+  int number = 0;
+  for (const Part<Set>& cell : cells)
+    simplices(cell.set, [&](const auto&, const auto&, double) { number += _cell.size(); });
+  out.points.reserve(number);
+  if (motion)
+    out.motion.resize(D * number, bases.of.cols());
+  Motion of, d;
+  Eigen::RowVectorXd of_measure;
   for (const Part<Set>& cell : cells)
   {
-    std::vector<Motion<D>> of_corners;
     if (motion)
-      of_corners = corners_of(cell.set, lines, bases);
+      corners_of(cell.set, lines, bases, of);
     simplices(cell.set,
               [&](const auto& at, const auto& corners, double measure)
               {
-                std::array<Motion<D>, D> dc;
-                for (int i = 0; motion and i < D; ++i)
-                  dc[i] = of_corners[at[i]];
+                if (motion)
+                  of_measure = measure_variation(corners, of, at) / measure;
                 for (int p = 0; p < _cell.size(); ++p)
                 {
+                  const double* const x = &_cell.points[p * Q];
                   Vector<Q> c = corners[0];
+                  double first = 1;
                   for (int i = 0; i < Q; ++i)
-                    c += _cell.points[p * Q + i] * (corners[i + 1] - corners[0]);
+                  {
+                    c += x[i] * (corners[i + 1] - corners[0]);
+                    first -= x[i];
+                  }
                   const Vector<Q> xi = chart.xi(c);
                   const Eigen::Matrix<double, Q, Q> J = chart.gradient(xi);
+                  const int row = D * static_cast<int>(out.points.size());
                   out.points.push_back({xi, _cell.weights[p] * measure / J.determinant(),
                                         cell.other < 0 ? -1 : shadows[cell.other].master});
                   if (not motion)
                     continue;
-                  // c = ξ + κ w(ξ): δξ = J⁻¹ (δc − w δκ)
-                  Motion<D> d = dc[0];
-                  for (int i = 0; i < Q; ++i)
-                    d += _cell.points[p * Q + i] * (dc[i + 1] - dc[0]);
-                  Eigen::Matrix<double, D, Eigen::Dynamic> row(D, d.cols());
-                  const double w = D == 2 ? 0 : (xi[0] - 0.5) * (xi[Q - 1] - 0.5);
-                  d = (J.inverse() * (d - w * of_kappa)).eval();
-                  row.bottomRows(Q) = d;
-                  row.row(0) = measure_variation(corners, dc) / measure;
+                  auto of_weight = out.motion.row(row);
+                  auto of_xi = out.motion.template middleRows<Q>(row + 1);
+                  of_weight = of_measure;
+                  for (int q = 0; q < Q; ++q)
+                    if constexpr (D == 2)
+                      of_xi.row(q) = first * of.row(at[0]) + x[0] * of.row(at[1]);
+                    else
+                      of_xi.row(q) = first * of.row(2 * at[0] + q) + x[0] * of.row(2 * at[1] + q)
+                                     + x[1] * of.row(2 * at[2] + q);
                   if constexpr (D == 3)
-                    row.row(0) -= (of_kappa.row(0) * (xi[1] - 0.5) + of_kappa.row(1) * (xi[0] - 0.5)
-                                   + chart.kappa()[0] * d.row(1) + chart.kappa()[1] * d.row(0))
-                                  / J.determinant();
-                  out.motion.push_back(std::move(row));
+                    if (chart.curves())
+                    {
+                      // c = ξ + κ w(ξ): δξ = J⁻¹ (δc − w δκ); κ knows the slave facet's corners
+                      // only
+                      const Vector<2> w = xi.array() - 0.5; // ∂_2 w, ∂_1 w
+                      const double det = J.determinant();
+                      of_xi.leftCols(D * nv) -= w[0] * w[1] * of_kappa;
+                      of_weight.leftCols(D * nv)
+                          -= (w[1] * of_kappa.row(0) + w[0] * of_kappa.row(1)) / det;
+                      if (chart.kappa().isZero(0)) // J = I
+                        continue;
+                      d = of_xi;
+                      of_xi.noalias() = J.inverse().lazyProduct(d);
+                      of_weight
+                          -= (chart.kappa()[0] * of_xi.row(1) + chart.kappa()[1] * of_xi.row(0))
+                             / det;
+                    }
                 }
               });
   }
   return out;
 }
 
-template class Chart<2>;
-template class Chart<3>;
 template class Segments<2>;
 template class Segments<3>;
 

@@ -167,7 +167,7 @@ Vector<D> traction(const ContactLaw& law, double lambda, const Vector<D>& n, dou
 template <int D, int C>
 struct Response
 {
-  Eigen::Matrix<double, D, C> t, row;
+  LinearMap<D, C> t, row;
 };
 
 template <int D, unsigned Drop, int C>
@@ -185,21 +185,22 @@ Response<D, C> respond(const ContactLaw& law, double lambda, const Kinematics<D>
     return out;
 
   // (F11) δg_τ = T(δΛ + ρ_τ δ⟦Δu⟧) − (n·q) δn − n (δn·q), with Λ turned
-  Eigen::Matrix<double, D, C> dg = Eigen::Matrix<double, D, C>::Zero();
+  using Matrix = typename FrictionTangent<D>::Matrix;
+  LinearMap<D, C> dg = LinearMap<D, C>::Zero();
   if constexpr (not(Drop & friction_slip))
-    dg += law.rho_t * f.T * v.slip;
+    dg += times(Matrix(law.rho_t * f.T), v.slip);
   if constexpr (not(Drop & friction_turning))
-    dg += f.g_of_n * v.n;
-  const Eigen::Matrix<double, D, C> dp = f.DP * dg;
+    dg += times(f.g_of_n, v.n);
+  const LinearMap<D, C> dp = f.slips ? times(f.DP, dg) : dg; // (F10)
   const double limit = law.friction * f.limit;
   out.t += limit * dp;
 
   // (F13) (μ/ρ_τ) λ (δ(TΛ) − δp)·RΛ*
   const double scale = limit / law.rho_t;
   if constexpr (not(Drop & friction_row))
-    out.row -= scale * f.R.transpose() * dp;
+    out.row -= times(Matrix(scale * f.R.transpose()), dp);
   if constexpr (not(Drop & row_turning))
-    out.row += scale * (f.R.transpose() * f.Lambda_of_n + f.test_of_n) * v.n;
+    out.row += times(Matrix(scale * (f.R.transpose() * f.Lambda_of_n + f.test_of_n)), v.n);
   if (law.continuous and not f.frozen) // the limit is g_n
   {
     out.t -= law.friction * law.rho_n * f.p * v.gap;

@@ -267,13 +267,19 @@ void expand(const CouplingBasis<D>& B, const ClosedParticle<D, F>& small, PairMa
 
 /// Tangent of a closed particle.
 /// @tparam F with friction unknowns
+template <int D, bool F>
+void add_closed_tangent(const CouplingBasis<D>& B, const ClosedParticle<D, F>& small,
+                        PairMatrix<D>& K)
+{
+  impl::with_nodes<D, F>(B, [&]<int Nodes>() { impl::expand<D, F, Nodes>(B, small, K); });
+}
+
 template <int D, bool F, unsigned Drop = all_terms>
 void add_closed_tangent(const CouplingBasis<D>& B, const ContactLaw& law, double lambda,
                         const Kinematics<D>& k, const FrictionTangent<D>& f, double w,
                         const Scales& scale, PairMatrix<D>& K)
 {
-  const ClosedParticle<D, F> small = closed_particle<D, F, Drop>(law, lambda, k, f, w, scale);
-  impl::with_nodes<D, F>(B, [&]<int Nodes>() { impl::expand<D, F, Nodes>(B, small, K); });
+  add_closed_tangent<D, F>(B, closed_particle<D, F, Drop>(law, lambda, k, f, w, scale), K);
 }
 
 /// Columns of a closed particle's tangent for the D numbers of a variation, Kinematics::m or ::e:
@@ -345,20 +351,22 @@ struct Rates
 /// Derivative of a closed particle's residual along ξ^β, all unknowns held. (Not of n_0: that turns
 /// Λ about an axis of the tangential plane, which its projection does not see to first order.)
 /// @param along derivatives ∂_β of the slave's bases, without a master
+/// @param small the particle's small matrices
 template <int D, bool F>
 PairVector<D> closed_rate(const CouplingBasis<D>& B, const CouplingBasis<D>& along,
                           const ContactLaw& law, double lambda, const Kinematics<D>& k,
                           const Vector<D>& Lambda, const FrictionTangent<D>& f,
-                          const Rates<D>& rate, double w, const Scales& scale)
+                          const ClosedParticle<D, F>& small, const Rates<D>& rate, double w,
+                          const Scales& scale)
 {
   const Vector<D> t = traction<D>(law, lambda, k.n, k.gap, f);
   PairVector<D> out = PairVector<D>::Zero(B.size());
   add_residual<D>(along, law, true, lambda, k.gap, t, Lambda, f, w, scale, out);
 
-  const ClosedParticle<D, F> small = closed_particle<D, F>(law, lambda, k, f, w, scale);
   impl::Small<D, F, 1> column
       = small.z.template leftCols<D>() * rate.x + small.lambda * (rate.lambda / scale.pressure);
-  column += impl::small_matrix<D, F, all_terms>(law, lambda, k, k.e, f, w, scale) * rate.e;
+  if (not rate.e.isZero(0))
+    column += impl::small_matrix<D, F, all_terms>(law, lambda, k, k.e, f, w, scale) * rate.e;
   if constexpr (F)
   {
     column += small.Lambda * (rate.Lambda / scale.friction);

@@ -303,7 +303,7 @@ Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
     {
       const Box<D> box = BoxTree<D>::item_box(boxes, f);
       near[f] = false;
-      tree.descend([&](const Box<D>& b) { return b.overlaps(box) ? 0.0 : INFINITY; },
+      tree.descend([&](const Box<D>& b, int) { return b.overlaps(box) ? 0.0 : INFINITY; },
                    [&](int i)
                    {
                      near[f] = near[f]
@@ -337,7 +337,7 @@ std::vector<double> nearest(MPI_Comm comm, const Surface& ringed, int num_own,
     {
       const Box<D> slave = requests.box(k);
       double best = INFINITY;
-      tree.descend([&](const Box<D>& b) { return b.distance2(slave); },
+      tree.descend([&](const Box<D>& b, int) { return b.distance2(slave); },
                    [&](int f)
                    {
                      const Box<D> box = BoxTree<D>::item_box(boxes, f);

@@ -115,17 +115,15 @@ public:
   /// New boxes for the same items.
   void refit(std::span<const double> boxes)
   {
-    for (int i = static_cast<int>(_nodes.size()) - 1; i >= 0; --i) // children follow parents
-    {
-      Node& node = _nodes[i];
-      if (node.item >= 0)
-        node.box = item_box(boxes, node.item);
-      else
-      {
-        node.box = _nodes[i + 1].box;
-        node.box.add(_nodes[node.second].box);
-      }
-    }
+    unite(boxes, [this](int node) -> Box<D>& { return _nodes[node].box; });
+  }
+
+  /// Boxes of something else that the items have: for each node the one around its items'.
+  std::vector<Box<D>> bounds(std::span<const double> boxes) const
+  {
+    std::vector<Box<D>> out(_nodes.size());
+    unite(boxes, [&](int node) -> Box<D>& { return out[node]; });
+    return out;
   }
 
   /// Note which groups are near each other, for `descend_near`; to be repeated after `refit`.
@@ -182,7 +180,8 @@ public:
   }
 
   /// Call `leaf(item)` on all items that may improve on a bound, the most promising first.
-  /// @param key key(box) is a lower bound of the cost of all items in a box; infinite: none
+  /// @param key key(box, node) is a lower bound of the cost of all items in the box of a node;
+  /// infinite: none
   /// @param leaf examines an item and returns the best cost known so far
   /// @param best the cost to improve on
   template <typename Key, typename Leaf>
@@ -197,7 +196,7 @@ public:
     };
     Entry stack[128];
     int top = 0;
-    stack[top++] = {key(_nodes[0].box), 0};
+    stack[top++] = {key(_nodes[0].box, 0), 0};
     while (top > 0)
     {
       const Entry e = stack[--top];
@@ -210,7 +209,7 @@ public:
         continue;
       }
       const int a = e.node + 1, b = node.second;
-      const double ka = key(_nodes[a].box), kb = key(_nodes[b].box);
+      const double ka = key(_nodes[a].box, a), kb = key(_nodes[b].box, b);
       if (ka <= kb)
       {
         stack[top++] = {kb, b};
@@ -228,7 +227,7 @@ public:
   template <typename Found>
   void overlaps(const Box<D>& box, Found found) const
   {
-    descend([&](const Box<D>& b)
+    descend([&](const Box<D>& b, int)
             { return b.overlaps(box) ? 0.0 : std::numeric_limits<double>::infinity(); },
             [&](int item)
             {
@@ -271,6 +270,24 @@ private:
   {
     const double margin = 0.25 * (box.hi - box.lo).maxCoeff();
     return {box.lo - margin, box.hi + margin};
+  }
+
+  // Boxes of all nodes from those of the items.
+  // @param at at(node) is where its box goes
+  template <typename At>
+  void unite(std::span<const double> boxes, At at) const
+  {
+    for (int i = static_cast<int>(_nodes.size()) - 1; i >= 0; --i) // children follow parents
+    {
+      const Node& node = _nodes[i];
+      if (node.item >= 0)
+        at(i) = item_box(boxes, node.item);
+      else
+      {
+        at(i) = at(i + 1);
+        at(i).add(at(node.second));
+      }
+    }
   }
 
   // The items from `begin` to `end` are sorted into the subtree that starts with the next node.

@@ -71,14 +71,35 @@ enum class NormalRule : std::int8_t
   direction     ///< n = sign(e·n_f) e
 };
 
+/// A linear map of C numbers, its rows in one piece each.
+template <int R, int C>
+using LinearMap = Eigen::Matrix<double, R, C, C == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
+
+/// A v, row by row: processors then take two columns at a time, also where their number is odd (for
+/// which Eigen's product takes single ones).
+template <int R, int K, int C>
+LinearMap<R, C> times(const Eigen::Matrix<double, R, K>& A, const LinearMap<K, C>& v)
+{
+  static_assert(1 <= K and K <= 3);
+  LinearMap<R, C> out;
+  for (int i = 0; i < R; ++i)
+    if constexpr (K == 1)
+      out.row(i) = A(i, 0) * v.row(0);
+    else if constexpr (K == 2)
+      out.row(i) = A(i, 0) * v.row(0) + A(i, 1) * v.row(1);
+    else
+      out.row(i) = A(i, 0) * v.row(0) + A(i, 1) * v.row(1) + A(i, 2) * v.row(2);
+  return out;
+}
+
 /// δξ, δn, δd_n and δ⟦Δu⟧ as linear maps of C numbers.
 template <int D, int C>
 struct Variation
 {
-  Eigen::Matrix<double, D - 1, C> xi = Eigen::Matrix<double, D - 1, C>::Zero();
-  Eigen::Matrix<double, D, C> n = Eigen::Matrix<double, D, C>::Zero();
+  LinearMap<D - 1, C> xi = LinearMap<D - 1, C>::Zero();
+  LinearMap<D, C> n = LinearMap<D, C>::Zero();
   Eigen::Matrix<double, 1, C> gap = Eigen::Matrix<double, 1, C>::Zero();
-  Eigen::Matrix<double, D, C> slip = Eigen::Matrix<double, D, C>::Zero();
+  LinearMap<D, C> slip = LinearMap<D, C>::Zero();
 };
 
 /// Normal, gap, slip and their variations at one particle.
@@ -236,21 +257,31 @@ void place(const Surface& master, const Target<D>& t, const Vector<D>& x1, const
   k.gap = k.r.dot(k.n);
 }
 
-/// ∂n/∂τ_a of the unit normal n = ± τ_1 × τ_2/‖·‖ of a facet (F7').
+/// ∂n/∂τ_α of the unit normal n = ± τ_1 × τ_2/‖·‖ of a facet (F7').
 /// @param sigma the sign
 template <int D>
-Eigen::Matrix<double, D, D> normal_of_tangent(const FacetPoint<D>& p, int a, double sigma)
+std::array<Eigen::Matrix<double, D, D>, D - 1> normal_of_tangents(const FacetPoint<D>& p,
+                                                                  double sigma)
 {
-  const Vector<D> area = p.area_vector(), n = area.normalized();
-  Eigen::Matrix<double, D, D> P; // of the area vector
-  if constexpr (D == 2)
-    P << 0, 1, -1, 0;
-  else
+  using Matrix = Eigen::Matrix<double, D, D>;
+  const Vector<D> area = p.area_vector();
+  const double length = area.norm();
+  const Vector<D> n = area / length;
+  std::array<Matrix, D - 1> out;
+  for (int a = 0; a < D - 1; ++a)
   {
-    const Vector<3> v = a == 0 ? Vector<3>(-p.tau.col(1)) : Vector<3>(p.tau.col(0));
-    P << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0; // P c = v × c
+    Matrix P; // of the area vector
+    if constexpr (D == 2)
+      P << 0, 1, -1, 0;
+    else
+    {
+      const Vector<3> v = a == 0 ? Vector<3>(-p.tau.col(1)) : Vector<3>(p.tau.col(0));
+      P << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0; // P c = v × c
+    }
+    const Eigen::Matrix<double, 1, D> along = n.transpose() * P;
+    out[a] = sigma / length * (P - n * along);
   }
-  return sigma / area.norm() * (P - n * (n.transpose() * P));
+  return out;
 }
 
 namespace impl
@@ -269,13 +300,13 @@ void free_target(const Rules& rules, const Vector<D>& e, const FacetPoint<D>& p,
       for (int a = 0; a < Q; ++a)
         for (int b = 0; b < Q; ++b)
           A(a, b) -= k.r.dot(p.d2(a, b));
-    Eigen::Matrix<double, Q, Kinematics<D>::Z> rhs;
+    LinearMap<Q, Kinematics<D>::Z> rhs;
     rhs.setZero();
     rhs.template leftCols<D>() = p.tau.transpose();
     if constexpr (not(Drop & target_gradient))
       for (int a = 0; a < Q; ++a)
         rhs.template block<1, D>(a, D + a * D) = k.r.transpose();
-    k.z.xi = A.inverse() * rhs;
+    k.z.xi = times(Eigen::Matrix<double, Q, Q>(A.inverse()), rhs);
   }
   else if (rules.target == TargetRule::smooth)
   {
@@ -345,14 +376,14 @@ template <int D, unsigned Drop, int C>
 void follow(const FacetPoint<D>& p, const Eigen::Matrix<double, D, D - 1>& dn, const Slip<D>* slip,
             const Kinematics<D>& k, Variation<D, C>& v)
 {
-  v.n += dn * v.xi;
+  v.n += times(dn, v.xi);
   if constexpr (not(Drop & gap_sliding))
     v.gap -= (k.n.transpose() * p.tau) * v.xi;
   if constexpr (not(Drop & gap_turning))
     v.gap += k.r.transpose() * v.n;
   if constexpr (not(Drop & slip_sliding))
     if (slip)
-      v.slip += slip->xi * v.xi;
+      v.slip += times(slip->xi, v.xi);
 }
 } // namespace impl
 
@@ -383,10 +414,10 @@ Kinematics<D> linearise(const Surface& master, const Target<D>& t, const Vector<
   if (rules.normal == NormalRule::facet)
   {
     // (F7') δn = ± T (δτ_1 × τ_2 + τ_1 × δτ_2) / ‖τ_1 × τ_2‖,  δτ_α = ∂_α δu² + ∂²_αβ x² δξ^β
+    const auto of_tangent = normal_of_tangents<D>(p, master.sigma[t.facet]);
     for (int a = 0; a < Q; ++a)
     {
-      const Eigen::Matrix<double, D, D> P
-          = normal_of_tangent<D>(p, a, double(master.sigma[t.facet]));
+      const Eigen::Matrix<double, D, D>& P = of_tangent[a];
       if constexpr (not(Drop & normal_gradient))
         k.z.n.template middleCols<D>(D + a * D) += P;
       if constexpr (not(Drop & normal_curvature))

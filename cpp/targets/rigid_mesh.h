@@ -31,6 +31,7 @@ struct RigidMesh
       normals = NodalNormals<D>(surface, crease);
     }
     search = Search<D>(surface, options);
+    search.refit(surface, interpolated() ? &normals : nullptr);
   }
 
   bool interpolated() const { return rules.normal == NormalRule::interpolated; }

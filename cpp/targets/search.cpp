@@ -50,12 +50,20 @@ Search<D>::Search(const Surface& master, const SearchOptions<D>& options)
 }
 
 template <int D>
-void Search<D>::refit(const Surface& master)
+void Search<D>::refit(const Surface& master, const NodalNormals<D>* normals)
 {
   const std::vector<double> boxes = master.boxes();
   _tree.refit(boxes);
   _tree.link();
   _end_tree.refit(end_boxes(boxes));
+  _normals.clear();
+  _end_normals.clear();
+  if (normals and _options.rule == TargetRule::smooth)
+  {
+    const std::vector<double> n = normal_boxes(master, *normals);
+    _normals = _tree.bounds(n);
+    _end_normals = _end_tree.bounds(end_boxes(n));
+  }
 }
 
 // Those of the facets at ends.
@@ -258,8 +266,15 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
     return {};
   Found best;
   const double slack = tie * _largest;
-  auto key = [&](const Box<D>& box) { return bound(box, q, inside * _largest); };
   double limit = _options.radius;
+  auto key = [&](const Box<D>& box, int node)
+  {
+    const double cost = bound(box, q, inside * _largest);
+    const bool none
+        = cost > limit
+          or (not _normals.empty() and not may_lead_to<D>(q.x, box, _normals[node], 0, limit));
+    return none ? INFINITY : cost;
+  };
   auto visit = [&](int f)
   {
     if (q.master.candidate[f] and f != former.facet)
@@ -299,7 +314,14 @@ Target<D> Search<D>::find(const Query& q, const Target<D>& former) const
   best.target.decided = best.target.facet < 0 ? INFINITY : best.cost;
   if (best.target.facet < 0 and _options.rule != TargetRule::proximity)
     _end_tree.descend(
-        [&](const Box<D>& box) { return bound(box, q, _options.end_tolerance * _largest); },
+        [&](const Box<D>& box, int node)
+        {
+          const double aside = _options.end_tolerance * _largest;
+          const bool none
+              = not _end_normals.empty()
+                and not may_lead_to<D>(q.x, box, _end_normals[node], aside, _options.radius);
+          return none ? INFINITY : bound(box, q, aside);
+        },
         [&](int i)
         {
           best_of(q, at_end(q, _at_end[i]), best);

@@ -3,6 +3,7 @@
 
 #include "bounding_volumes.h"
 #include "facet_targets.h"
+#include "normal_bounds.h"
 #include "smooth_projection.h"
 
 namespace dolfinx_contact
@@ -46,7 +47,9 @@ public:
   Search(const Surface& master, const SearchOptions<D>& options);
 
   /// The master has moved: refit the tree.
-  void refit(const Surface& master);
+  /// @param normals of the master where it is now: with them smooth targets are looked for only
+  /// where the normals may lead to the particle
+  void refit(const Surface& master, const NodalNormals<D>* normals = nullptr);
 
   /// Target of one particle. Facets that do not face the slave are refused.
   /// @param former the target of the last evaluation, kept within the margin (no facet flipping)
@@ -91,11 +94,12 @@ private:
 
   SearchOptions<D> _options;
   BoxTree<D> _tree;
-  BoxTree<D> _end_tree;                   // of the facets at physical ends, for (F5) and (F6)
-  std::vector<int> _at_end;               // these facets
-  std::vector<double> _diameter;          // of the facets, reference configuration
-  double _largest = 0, _typical = 0;      // of them
-  std::vector<std::uint8_t> _end_corners; // bit v: corner v is at a physical end
+  BoxTree<D> _end_tree;                       // of the facets at physical ends, for (F5) and (F6)
+  std::vector<Box<D>> _normals, _end_normals; // of M in the nodes of the trees; may be empty
+  std::vector<int> _at_end;                   // these facets
+  std::vector<double> _diameter;              // of the facets, reference configuration
+  double _largest = 0, _typical = 0;          // of them
+  std::vector<std::uint8_t> _end_corners;     // bit v: corner v is at a physical end
 };
 
 extern template class Search<2>;

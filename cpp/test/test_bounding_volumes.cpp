@@ -68,7 +68,7 @@ void finds_the_nearest(const BoxTree<D>& tree, const std::vector<double>& boxes,
     double best = INFINITY, expected = INFINITY;
     for (int i = 0; i < n; ++i)
       expected = std::min(expected, cost(i));
-    tree.descend([&](const Box<D>& b) { return std::sqrt(b.distance2(p)); },
+    tree.descend([&](const Box<D>& b, int) { return std::sqrt(b.distance2(p)); },
                  [&](int i)
                  {
                    ++visits;
@@ -84,7 +84,7 @@ void finds_the_nearest(const BoxTree<D>& tree, const std::vector<double>& boxes,
     REQUIRE(best == expected);
 
     // no item is better than a bound below the optimum: leaves beyond it are not touched
-    tree.descend([&](const Box<D>& b) { return std::sqrt(b.distance2(p)) + 10; },
+    tree.descend([&](const Box<D>& b, int) { return std::sqrt(b.distance2(p)) + 10; },
                  [&](int) -> double { throw std::logic_error("beyond the bound"); }, 9.0);
   }
   REQUIRE((n < 500 or visits < 0.2 * queries * n)); // a tree, not a list
@@ -107,7 +107,7 @@ void finds_what_is_near(BoxTree<D>& tree, const std::vector<double>& boxes, std:
     std::set<int> expected, found;
     auto key = [&](int& looks)
     {
-      return [&](const Box<D>& box)
+      return [&](const Box<D>& box, int)
       {
         ++looks;
         return std::sqrt(box.distance2(p));
@@ -177,7 +177,8 @@ void nothing_in_an_empty_tree()
     everywhere.lo.setConstant(-INFINITY);
     everywhere.hi.setConstant(INFINITY);
     tree.overlaps(everywhere, [&](int) { ++calls; });
-    tree.descend([](const Box<D>&) { return 0.0; }, [&](int) { return double(++calls); }, INFINITY);
+    tree.descend([](const Box<D>&, int) { return 0.0; }, [&](int) { return double(++calls); },
+                 INFINITY);
     REQUIRE(calls == 0);
     REQUIRE_FALSE(tree.root().overlaps(BoxTree<D>::item_box(random_boxes<D>(1, random), 0)));
   }

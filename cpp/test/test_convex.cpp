@@ -101,7 +101,7 @@ Polygon neighbour(const Polygon& p, std::mt19937& random)
   else if (kind == 2)
   {
     q.corners[random() % q.corners.size()] += std::pow(10, uniform(random, -17, -10)) * Point(1, 1);
-    q = hull(q.corners, true);
+    q = hull({q.corners.begin(), q.corners.end()}, true);
   }
   return q;
 }

@@ -304,7 +304,8 @@ void none_is_missed(const Element& element, TargetRule rule, bool bumpy, int par
   options.rule = rule;
   options.radius = 0.5;
   options.margin = 0;
-  const Search<D> search(s, options);
+  Search<D> search(s, options);
+  search.refit(s, &normals);
   const Brute<D> brute(s, normals, options.radius);
   int missed = 0, hits = 0, first = -1;
   double worst = 0, residual = 0;

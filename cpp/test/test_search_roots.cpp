@@ -82,7 +82,8 @@ TEMPLATE_TEST_CASE_SIG("search: far from the origin, and facets that have shrunk
       std::vector<double> u(s.node_table.size() * D, 1e4);
       s.displace(u);
       NodalNormals<D> normals(s, 3.1);
-      const Search<D> search(s, o);
+      Search<D> search(s, o);
+      search.refit(s, &normals);
       Vector<D> foot = Vector<D>::Constant(1e4 + 0.43);
       foot[D - 1] = 1e4;
       const Vector<D> down = -Vector<D>::Unit(D - 1);

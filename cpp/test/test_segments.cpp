@@ -295,17 +295,18 @@ TEMPLATE_TEST_CASE_SIG("segments: places and weights vary with the corners as di
   int compared = 0;
   for (const Element& element : elements<D>())
     for (const Element& other : elements<D>())
-      for (int i = 0; i < 6; ++i)
+      for (int i = 0; i < 8; ++i)
       {
         if (element.position != 1 or other.position != 1)
-          continue; // cells know corners only
-        Surface slave = tile<D>(element, 2, 0, 1, 1, 0, 0.2, random);
+          continue;                  // cells know corners only
+        const bool regular = i >= 6; // parallelograms where κ = 0, but not δκ
+        Surface slave = tile<D>(element, 2, 0, 1, 1, 0, regular ? 0 : 0.2, random);
         Surface master = tile<D>(other, 3, i % 2 ? 0.2 : -0.3, 1.2, -1, -0.01, 0.2, random);
         const Vector<D> direction
             = i % 3 == 0
                   ? Vector<D>(Vector<D>::Unit(D - 1) + 0.3 * uniform_vector<D>(random, -1, 1))
                   : Vector<D>(Vector<D>::Zero());
-        const std::vector<double> us = random_displacement(slave, 0.05, random),
+        const std::vector<double> us = random_displacement(slave, regular ? 0 : 0.05, random),
                                   um = random_displacement(master, 0.05, random),
                                   vs = random_displacement(slave, 1, random),
                                   vm = random_displacement(master, 1, random);
@@ -328,7 +329,7 @@ TEMPLATE_TEST_CASE_SIG("segments: places and weights vary with the corners as di
           constexpr double h = 1e-6;
           const auto low = at(f, -h, false).points, high = at(f, h, false).points;
           const CellPoints<D> here = at(f, 0, true);
-          REQUIRE(here.motion.size() == here.points.size());
+          REQUIRE(here.motion.rows() == D * static_cast<int>(here.points.size()));
           if (low.size() != here.points.size() or high.size() != here.points.size())
             continue; // a cell appears or goes
           std::vector<double> v;
@@ -344,7 +345,7 @@ TEMPLATE_TEST_CASE_SIG("segments: places and weights vary with the corners as di
           const Eigen::Map<const Eigen::VectorXd> along(v.data(), v.size());
           for (std::size_t p = 0; p < here.points.size(); ++p)
           {
-            const Eigen::VectorXd change = here.motion[p] * along;
+            const Eigen::VectorXd change = here.motion.template middleRows<D>(D * p) * along;
             Eigen::VectorXd fd(D);
             fd[0] = (high[p].weight - low[p].weight) / (2 * h * here.points[p].weight);
             fd.tail(D - 1) = (high[p].xi - low[p].xi) / (2 * h);
