@@ -17,6 +17,7 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
 
 from . import infsup, materials, meshes, plasticity, plot, solvers
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
+from .output import Writer
 from .pair import ContactPair, Particles
 from .partition import repartition
 from .problem import ContactProblem
@@ -37,6 +38,7 @@ from .rules import (
 from .stepping import LoadStepping, Step
 from .strategy import FixedPoint, Newton
 from .surface import Surface
+from .table import Table
 from .tools import (
     RigidComposite,
     RigidCylinder,
@@ -77,7 +79,9 @@ __all__ = [
     "Smooth",
     "Step",
     "Surface",
+    "Table",
     "UnheldError",
+    "Writer",
     "infsup",
     "materials",
     "meshes",
