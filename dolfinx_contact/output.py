@@ -7,6 +7,7 @@ Geometries are the reference ones, with the displacement as a field (ParaView: W
 from __future__ import annotations
 
 import re
+from numbers import Real
 from pathlib import Path
 from typing import Any, Sequence
 from xml.etree import ElementTree
@@ -163,7 +164,7 @@ class Writer:
         """
         with together(self._comm, "Writer.write"):
             last = self.times[-1] if self.times else -np.inf
-            if not (np.isscalar(time) and last < time < np.inf):
+            if not (isinstance(time, Real) and last < time < np.inf):
                 raise InputError(
                     f"Writer: time is {time!r} after {last}; give larger and larger numbers."
                 )
@@ -361,8 +362,8 @@ class _Points:
 
 
 def _last_time(resume: Any) -> float:
-    if not (np.isscalar(resume) and np.isfinite(resume)):
-        raise InputError(f"resume is {resume!r}; give the time to go on from, or None.")
+    if not (isinstance(resume, Real) and np.isfinite(resume)):
+        raise InputError(f"Writer: resume is {resume!r}; give the time to go on from, or None.")
     return resume + 1e-12 * abs(resume)  # a sum of steps has round-off
 
 

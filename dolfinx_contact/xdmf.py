@@ -12,7 +12,7 @@ import contextlib
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Sequence
+from typing import Any, Callable, Sequence
 from xml.etree import ElementTree
 
 import numpy as np
@@ -89,14 +89,15 @@ class File:
     def __init__(self, comm: MPI.Comm, path: Path):
         self.comm, self.path = comm, path
         self._temporary = path.with_name(path.name + TEMPORARY)
-        self._file, self._failure = None, None
+        self._file, self._disk, self._failure = None, None, None
 
     def __enter__(self) -> File:
         if self.comm.rank == 0:
             try:
                 import h5py
 
-                self._file = h5py.File(self._temporary, "w")
+                self._disk = _Disk(self._temporary)
+                self._file = h5py.File(self._disk, "w")
             except Exception as error:
                 self._failure = error
         return self
@@ -118,15 +119,13 @@ class File:
         if self.comm.rank > 0:
             self.comm.Send(rows, dest=0)
         else:
-            self._try(lambda f: f.create_dataset(name, shape, kind))
+            self._try(lambda: self._file.create_dataset(name, shape, kind))
             first = 0
             for rank, count in enumerate(counts):
                 if rank > 0:
                     rows = np.empty((count, *shape[1:]), dtype=kind)
                     self.comm.Recv(rows, source=rank)
-                if count > 0:
-                    part = np.s_[first : first + count]
-                    self._try(lambda f: f[name].write_direct(rows, None, part))
+                self._try(lambda: self._write(name, first, rows))
                 first += count
         item = ElementTree.Element(
             "DataItem",
@@ -138,11 +137,16 @@ class File:
         item.text = f"{self.path.name}:/{name}"
         return item
 
-    def _try(self, write: Any) -> None:
+    def _write(self, name: str, first: int, rows: npt.NDArray[Any]) -> None:
+        if len(rows) > 0:
+            self._file[name].write_direct(rows, None, np.s_[first : first + len(rows)])
+
+    def _try(self, write: Callable[[], Any]) -> None:
         """Write on rank 0, if all has gone well so far."""
         if self._failure is None:
             try:
-                write(self._file)
+                write()
+                self._failure = self._disk.failure
             except Exception as error:
                 self._failure = error
 
@@ -152,28 +156,55 @@ class File:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._disk.close()
         if error is not None:
-            self._abandon()
             return
         with together(self.comm, "Writer"):
             if self.comm.rank == 0:
-                self._try(lambda f: f.close())
-                self._try(lambda _: put_in_place(self._temporary, self.path))
+                self._try(lambda: put_in_place(self._temporary, self.path))
                 if self._failure is not None:
-                    self._abandon()
+                    self._temporary.unlink(missing_ok=True)
                     raise ContactError(
                         f"Writer: {self.path} cannot be written: {_reason(self._failure)}"
                     ) from self._failure
 
-    def _abandon(self) -> None:
-        """Close and remove what has been written."""
+
+class _Disk:
+    """A file for h5py that never fails, and tells of its failure later: HDF5 would crash at the end
+    of the process where it cannot write the last part of a file that it has open."""
+
+    def __init__(self, path: Path):
+        self._file = open(path, "w+b", buffering=0)
+        for name in ("read", "readinto", "seek", "tell"):
+            setattr(self, name, getattr(self._file, name))
+        self.failure: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        rest = memoryview(data).cast("B")
         try:
-            if self._file is not None:
-                self._file.close()
-        except Exception:
-            pass  # HDF5 cannot flush it: that is what is being reported
-        if self.comm.rank == 0:
-            self._temporary.unlink(missing_ok=True)
+            while self.failure is None and len(rest) > 0:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            self.failure = error
+        return len(data)
+
+    def truncate(self, size: int) -> int:
+        try:
+            self._file.truncate(size)
+        except OSError as error:
+            self.failure = self.failure or error
+        return size
+
+    def flush(self) -> None:
+        """Nothing is kept back."""
+
+    def close(self) -> None:
+        try:
+            self._file.close()
+        except OSError as error:
+            self.failure = self.failure or error
 
 
 def _reason(error: Exception) -> str:
