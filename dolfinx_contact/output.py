@@ -115,7 +115,7 @@ class Writer:
             self.folder.mkdir(parents=True, exist_ok=True)
             kept: set[str] = set()
             if resume is not None:
-                last = _last_time(resume)
+                last = xdmf.last_time("Writer", resume)
                 for series in self._series.values():
                     series.read()
                 for series in self._series.values():
@@ -359,12 +359,6 @@ class _Points:
 
 
 # -- helpers ---------------------------------------------------------------------------------------
-
-
-def _last_time(resume: Any) -> float:
-    if not (isinstance(resume, Real) and np.isfinite(resume)):
-        raise InputError(f"Writer: resume is {resume!r}; give the time to go on from, or None.")
-    return resume + 1e-12 * abs(resume)  # a sum of steps has round-off
 
 
 def _numbered(name: str, i: int) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 
 from .errors import ContactError, InputError, together
-from .xdmf import write_text
+from .xdmf import last_time, write_text
 
 
 class Table:
@@ -51,14 +51,14 @@ class Table:
             if self._comm.rank == 0:
                 try:
                     self._file.parent.mkdir(parents=True, exist_ok=True)
-                    text = "" if resume is None else self._kept(float(resume))
+                    text = "" if resume is None else self._kept(last_time("Table", resume))
                     write_text(self._file, text)
                 except OSError as error:
                     raise self._unwritable(error) from None
         self._header = self._comm.bcast(self._header)
 
-    def _kept(self, resume: float) -> str:
-        """What stays of the file."""
+    def _kept(self, last: float) -> str:
+        """What stays of the file: the header, and rows whose first column is not above last."""
         if not self._file.exists():
             return ""
         lines = self._file.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -68,7 +68,6 @@ class Table:
         if not rows:
             return ""
         try:
-            last = resume + 1e-12 * abs(resume)  # a sum of steps has round-off
             kept = [line for line, row in zip(lines[1:], rows[1:]) if float(row[0]) <= last]
         except (ValueError, IndexError):
             raise InputError(
@@ -104,8 +103,9 @@ class Table:
             else:
                 raise InputError(
                     f"Table: a row has the columns {', '.join(row)}, but {self._file} has"
-                    f" {', '.join(self._header)}; give the same in each row, in the same order."
+                    f" {', '.join(self._header)}; give the same in each row."
                 )
+        with together(self._comm, "Table.write"):
             if self._comm.rank == 0:
                 self._append(lines)
         self._columns, self._header = names, list(row)
@@ -136,7 +136,10 @@ def _cells(name: str, value: Any) -> list[tuple[str, Any]]:
     """Columns and cells of a value."""
     if isinstance(value, str) and "\n" not in value:
         return [(name, value)]
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.empty(0)
     if array.dtype.kind in "biuf" and array.shape in ((), (2,), (3,)):
         numbers = array.astype(int if array.dtype.kind == "b" else array.dtype).tolist()
         if array.ndim == 0:

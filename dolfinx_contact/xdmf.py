@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from numbers import Real
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Callable, Sequence
@@ -230,6 +231,13 @@ def write_text(path: Path, text: str) -> None:
     temporary = path.with_name(path.name + TEMPORARY)
     temporary.write_text(text, encoding="utf-8")
     put_in_place(temporary, path)
+
+
+def last_time(who: str, resume: Any) -> float:
+    """The last time that stays when files are resumed: a sum of steps has round-off."""
+    if not (isinstance(resume, Real) and np.isfinite(resume)):
+        raise InputError(f"{who}: resume is {resume!r}; give the time to go on from, or None.")
+    return float(resume) + 1e-12 * abs(float(resume))
 
 
 # -- XDMF -----------------------------------------------------------------------------------------
