@@ -157,19 +157,29 @@ class File:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._disk.close()
+        self._close()
         if error is not None:
             return
         with together(self.comm, "Writer"):
             if self.comm.rank == 0:
                 self._try(lambda: put_in_place(self._temporary, self.path))
                 if self._failure is not None:
-                    self._temporary.unlink(missing_ok=True)
+                    with contextlib.suppress(OSError):
+                        self._temporary.unlink(missing_ok=True)
                     raise ContactError(
                         f"Writer: {self.path} cannot be written: {_reason(self._failure)}"
                     ) from self._failure
+
+    def _close(self) -> None:
+        """Close what is open, whatever has happened."""
+        for part in (self._file, self._disk):
+            if part is not None:
+                try:
+                    part.close()
+                except Exception as error:
+                    self._failure = self._failure or error
+        if self._disk is not None:
+            self._failure = self._failure or self._disk.failure
 
 
 class _Disk:
