@@ -83,11 +83,8 @@ facet_tags = meshes.tag_facets(
 
 V = vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-mu, lmbda = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
-deformation = ufl.Identity(2) + ufl.grad(u)
-J = ufl.det(deformation)
-psi = mu / 2 * (ufl.tr(deformation.T * deformation) - 2 - 2 * ufl.ln(J))
-psi += lmbda / 2 * ufl.ln(J) ** 2
+gradient = dc.materials.deformation_gradient(u)
+psi = dc.materials.neo_hookean(gradient, *dc.materials.lame(E, nu))
 dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 3})
 F = ufl.derivative(psi * dx, u, w)
 

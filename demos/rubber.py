@@ -85,10 +85,8 @@ class Block:
         V, Q = compat.vector_space(mesh, degree), compat.function_space(mesh, ("DPC", 1))
         u, p = fem.Function(V, name="displacement"), fem.Function(Q, name="pressure")
 
-        r, g = ufl.SpatialCoordinate(mesh)[0], ufl.grad(u)
-        stretch = ufl.as_matrix(
-            [[1 + g[0, 0], g[0, 1], 0], [g[1, 0], 1 + g[1, 1], 0], [0, 0, 1 + u[0] / r]]
-        )
+        stretch = dc.materials.deformation_gradient(u, "axisymmetric")
+        r = dc.materials.radius(u)
         J, square = ufl.det(stretch), ufl.inner(stretch, stretch)
         ratio = nu if mixed else min(nu, 0.4999)
         mu = E / 2 / (1 + ratio)
