@@ -15,7 +15,7 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
         " unset PETSC_DIR)."
     )
 
-from . import infsup, meshes, plasticity, plot, solvers
+from . import checkpoint, infsup, meshes, plasticity, plot, solvers
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
 from .partition import repartition
@@ -78,6 +78,7 @@ __all__ = [
     "Step",
     "Surface",
     "UnheldError",
+    "checkpoint",
     "infsup",
     "meshes",
     "plasticity",

@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Callable
 
 import h5py
@@ -114,34 +115,74 @@ def dof_tables(V: Any, label: str) -> list[tuple[Array, Table]]:
 # -- writing ------------------------------------------------------------------------------------
 
 
+class _Disk:
+    """A file for HDF5 to write to, which keeps errors to itself: HDF5 would crash if a disk were
+    full (seen in 1.10). After one it takes everything, and writes nothing more."""
+
+    def __init__(self, path: str):
+        self._file = open(path, "w+b", buffering=0)
+        self.seek, self.tell, self.close = self._file.seek, self._file.tell, self._file.close
+        self.failure: OSError | None = None
+
+    def _try(self, action: Callable[..., Any], argument: Any, otherwise: Any) -> Any:
+        if self.failure is None:
+            try:
+                return action(argument)
+            except OSError as error:
+                self.failure = error
+        return otherwise
+
+    def read(self, size: int = -1) -> bytes:
+        return self._try(self._file.read, size, b"")
+
+    def readinto(self, buffer: Any) -> int:
+        return self._try(self._file.readinto, buffer, 0)
+
+    def write(self, data: Any) -> int:
+        return self._try(self._file.write, data, len(data))
+
+    def truncate(self, size: int) -> int:
+        return self._try(self._file.truncate, size, size)
+
+    def flush(self) -> None:
+        """Nothing is buffered."""
+
+    def finish(self) -> None:
+        """Close it when all is on the disk; raises what has failed before."""
+        if self.failure is not None:
+            raise self.failure
+        os.fsync(self._file.fileno())
+        self.close()
+
+
 class _Part:
-    """The new file, beside the one that it is to replace. After a failure it takes everything, and
-    writes nothing more: other ranks may go on sending."""
+    """The new file, beside the one that it is to replace. After a failure nothing more is written:
+    other ranks may go on sending."""
 
     def __init__(self, path: str):
         self._path, self._part = path, path + ".part"
-        self.failure: Exception | None = None
+        self._disk: _Disk | None = None
         self._file: Any = None
-        self.attempt(self._open)
+        self._failure: Exception | None = None
+        self._attempt(self._open)
 
-    def attempt(self, action: Callable[[], Any]) -> None:
-        if self.failure is None:
+    def _attempt(self, action: Callable[[], Any]) -> None:
+        if self._failure is None:
             try:
                 action()
             except Exception as error:
-                self.failure = error
+                self._failure = error
 
     def _open(self) -> None:
-        self._file = h5py.File(self._part, "w")
+        self._disk = _Disk(self._part)
+        self._file = h5py.File(self._disk, "w")
 
     def create(self, name: str, shape: tuple[int, ...], dtype: Any) -> None:
-        self.attempt(lambda: self._file.create_dataset(name, shape, dtype))
+        self._attempt(lambda: self._file.create_dataset(name, shape, dtype))
 
     def fill(self, name: str, first: int, rows: Array) -> None:
-        if len(rows):
-            self.attempt(
-                lambda: self._file[name].__setitem__(slice(first, first + len(rows)), rows)
-            )
+        part = slice(first, first + len(rows))
+        self._attempt(lambda: self._file[name].__setitem__(part, rows))
 
     def finish(self, figures: dict[str, Any], arrays: dict[str, Array]) -> None:
         """Write what is left, and take the former file's place. Nothing is lost before that."""
@@ -151,28 +192,29 @@ class _Part:
                 self._file.create_dataset(f"arrays/{name}", data=array)
             self._file.create_dataset("figures", data=json.dumps(figures, default=_plain))
             self._file.attrs["format"] = _FORMAT
-            self._file.close()
-            _sync(self._part, os.O_RDWR)
+
+        def replace() -> None:
+            self._disk.finish()
             os.replace(self._part, self._path)
-            _sync(os.path.dirname(os.path.abspath(self._path)), os.O_RDONLY)
+            _sync(os.path.dirname(os.path.abspath(self._path)))
 
-        self.attempt(write)
-        if self.failure is None:
-            return
-        for clean in (lambda: self._file.close(), lambda: os.remove(self._part)):
-            try:
-                clean()
-            except Exception:
-                pass  # the first failure is the one to tell
-        raise ContactError(
-            f"The checkpoint {self._path} could not be written ({self.failure}); a former one is as"
-            " it was. Make room, or give another path."
-        ) from self.failure
+        self._attempt(write)
+        if self._file is not None:
+            self._file.close()
+        self._attempt(replace)
+        if self._failure is not None:
+            if self._disk is not None:
+                self._disk.close()
+                Path(self._part).unlink(missing_ok=True)
+            raise ContactError(
+                f"The checkpoint {self._path} could not be written ({self._failure}); a former one"
+                " is as it was. Make room, or give another path."
+            ) from self._failure
 
 
-def _sync(path: str, mode: int) -> None:
-    """Wait until the disk has it."""
-    handle = os.open(path, mode)
+def _sync(folder: str) -> None:
+    """Wait until the disk knows the folder's names."""
+    handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
@@ -330,3 +372,17 @@ class Checkpoint:
             )
         order = np.argsort(at)
         return {k: v[order] for k, v in columns.items()}
+
+
+def arrays(path: Any, comm: MPI.Comm = MPI.COMM_WORLD) -> dict[str, Array]:
+    """The user's arrays in a checkpoint, without loading it. Collective.
+
+    Args:
+        path: of a file that LoadStepping.save has written, on rank 0
+        comm: communicator
+
+    Raises:
+        InputError: on all ranks, if there is no such file, or it is no whole checkpoint
+    """
+    with Checkpoint(comm, path) as file:
+        return file.arrays

@@ -175,6 +175,7 @@ class LoadStepping:
             mine = {name: _numbers(name, value) for name, value in arrays.items()}
         history = self._problem_history()
         before, last = (None, None) if self._before is None else self._before
+        tables = history.tables(before)
         figures = {
             "time": self.time,
             "next": self._next,
@@ -184,7 +185,7 @@ class LoadStepping:
             "steps": [asdict(step) for step in self.steps],
             **history.figures(before),
         }
-        write(self.problem.comm, path, figures, history.tables(before), mine)
+        write(self.problem.comm, path, figures, tables, mine)
 
     def load(self, path: Any) -> dict[str, npt.NDArray[Any]]:
         """Go on from a checkpoint, on any number of ranks. Collective.

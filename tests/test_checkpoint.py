@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import resource
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable
@@ -15,14 +16,11 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from problems import (
-    BOTTOM,
     MASTER,
     PUNCH_MATERIAL,
     SLAVE,
     TOP,
-    block_halves,
     dome,
-    height,
     one_mesh,
     punch,
     punch_halves,
@@ -93,8 +91,8 @@ def segments(comm: Any, partition: Any = striped) -> Scene:
 def cut(comm: Any, partition: Any = striped) -> Scene:
     """Steps fail and are halved."""
     scene = ironed(comm, partition)
-    scene.problem.strategy = dc.Newton(max_it=6)
-    scene.options = {"step": 0.3, "min_step": 1e-3}
+    scene.problem.strategy = dc.Newton(max_it=4)
+    scene.options = {"step": 0.2, "min_step": 1e-3}
     return scene
 
 
@@ -278,12 +276,15 @@ def assert_goes_on(resumed: Any, uninterrupted: Any) -> None:
     assert_same(rows, figures)
 
 
+@pytest.mark.parametrize("part", (0.25, 0.6))
 @pytest.mark.parametrize("make", SCENES)
-def test_a_stopped_run_goes_on(make, folder):
+def test_a_stopped_run_goes_on(make, part, folder):
     """On the same ranks, and from the ranks' file on each rank alone."""
     file = folder / "run.h5"
     uninterrupted = whole(make, COMM)
-    stop = len(uninterrupted[0]) // 2
+    if make is cut:
+        assert sum(s.failed for s in uninterrupted[0]) > 1
+    stop = int(np.ceil(part * len(uninterrupted[0])))
     first_part(make, COMM, file, stop)
     assert sorted(os.listdir(folder)) == ["run.h5"]
     assert_goes_on(second_part(make, COMM, file, stop), uninterrupted)
@@ -300,3 +301,286 @@ def test_from_one_rank_to_all(make, folder):
         first_part(make, MPI.COMM_SELF, file, stop)
     COMM.barrier()
     assert_goes_on(second_part(make, COMM, file, stop, partition=remote), uninterrupted)
+
+
+# -- what the file holds, and what may go wrong ---------------------------------------------------
+
+
+def saved(folder: Path, make: Any = ironed, stop: int = 2, comm: Any = COMM) -> tuple[Any, Path]:
+    """A stepping after some steps, and its checkpoint."""
+    file, stepping = folder / "run.h5", make(comm).stepping()
+    for step in stepping:
+        if step.number == stop:
+            break
+    stepping.save(file, a=1.5, b=[[1, 2]], c=True)
+    return stepping, file
+
+
+def state_of(stepping: Any) -> list[Any]:
+    """All that a failed load must leave alone."""
+    problem = stepping.problem
+    out = [u.x.array.copy() for u in problem.system.functions]
+    for pair, contact in zip(problem.pairs, problem.system.contacts):
+        out += [np.array(v) for v in contact.assembler.particles().values()]
+        out += [np.array(v) for v in (pair._accepted or {}).values()]
+    out += [np.array([stepping.time, stepping._next, stepping._ease, len(stepping.steps)])]
+    return out
+
+
+def assert_unchanged(before: list[Any], after: list[Any]) -> None:
+    assert len(before) == len(after)
+    for a, b in zip(before, after):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_the_users_arrays(folder):
+    """They come back on all ranks, as they were."""
+    _, file = saved(folder)
+    arrays = ironed(COMM).stepping().load(file)
+    assert set(arrays) == {"a", "b", "c"}
+    assert arrays["a"] == 1.5 and arrays["a"].shape == ()
+    np.testing.assert_array_equal(arrays["b"], [[1, 2]])
+    assert arrays["b"].dtype == int and arrays["c"].dtype == bool
+    assert set(dc.checkpoint.arrays(file, COMM)) == {"a", "b", "c"}
+
+
+def test_results_are_those_of_the_checkpoint(folder):
+    """Fields and particles of the pair, before any further step; loads are in place."""
+    stepping, file = saved(folder, turned_dome, 3)
+    (pair,) = stepping.problem.pairs
+    other = turned_dome(COMM, striped)
+    loaded, times, apply = other.stepping(), [], other.apply
+    loaded._apply = lambda t: (times.append(t), apply(t))
+    loaded.load(file)
+    assert times == [loaded.time] == [stepping.time]
+    (again,) = other.problem.pairs
+    for f, g in ((pair.pressure, again.pressure), (pair.friction, again.friction)):
+        np.testing.assert_allclose(g.x.array, f.x.array, atol=1e-12 * np.abs(f.x.array).max())
+    for name, column in vars(pair.particles).items():
+        if name != "comm":
+            np.testing.assert_array_equal(getattr(again.particles, name), column, name)
+    np.testing.assert_allclose(again._solved()["slave"], pair._solved()["slave"], atol=1e-15)
+    assert loaded.steps == stepping.steps
+
+
+def test_back_to_an_earlier_step(folder):
+    """A problem that has gone on goes back to its checkpoint, and the same way again."""
+    scene, file = ironed(COMM), folder / "run.h5"
+    stepping = scene.stepping()
+    for step in stepping:
+        if step.number == 4:
+            stepping.save(file)
+    end = scene.figures()
+    stepping.load(file)
+    assert len(stepping.steps) == 4
+    assert len(list(stepping)) == len(stepping.steps) - 4
+    assert_same(scene.figures(), end)
+
+
+def test_loads_after_the_end_are_new_steps(folder):
+    """A finished run is saved, and resumed with a later end."""
+    stepping, file = saved(folder, ironed, 100)
+    assert stepping.time == 1.0
+    scene = ironed(COMM)
+    longer = scene.stepping(end=1.1)
+    longer.load(file)
+    assert [s.number for s in longer] == [len(stepping.steps) + 1]
+    assert longer.time == 1.1
+
+
+def test_mixed_spaces_and_spaces_of_any_degree(folder):
+    """Rows of a mixed space, of facets' midpoints, of several points on an edge, of constants."""
+    mesh = punch(COMM, striped).mesh
+    cell = mesh.ufl_cell()
+    vector = ufl.VectorElement("Lagrange", cell, 2)
+    spaces = [
+        fem.FunctionSpace(mesh, element)
+        for element in (
+            ufl.FiniteElement("Lagrange", cell, 3),
+            ufl.FiniteElement("DQ", cell, 0),
+            ufl.VectorElement("DQ", cell, 1),
+            ufl.MixedElement(vector, ufl.FiniteElement("DQ", cell, 1)),
+        )
+    ]
+    alone = punch(MPI.COMM_SELF).mesh
+    for V in spaces:
+        W, f = fem.FunctionSpace(alone, V.ufl_element()), fem.Function(V)
+        g, file = fem.Function(W), folder / "f.h5"
+        whole = lambda x: np.array([np.sin(x[0]) + 3 * x[1] ** 2, x[0] * x[1] + x[0]])
+        for i, h in enumerate((f, g)):
+            parts = [h.sub(k) for k in range(2)] if len(checkpoint.dof_tables(V, "")) > 1 else [h]
+            for part in parts:
+                components = len(whole(np.zeros((3, 1))))
+                try:
+                    part.interpolate(whole)
+                except RuntimeError:
+                    part.interpolate(lambda x: whole(x)[0])
+        tables = {}
+        for i, (rows, table) in enumerate(checkpoint.dof_tables(V, "f")):
+            table.columns["f"] = f.x.array[rows]
+            tables[f"f{i}"] = table
+        checkpoint.write(COMM, file, {}, tables, {})
+        with checkpoint.Checkpoint(COMM, file) as read:
+            pass
+        with checkpoint.Checkpoint(MPI.COMM_SELF, file) as read:
+            back = fem.Function(W)
+            for i, (rows, table) in enumerate(checkpoint.dof_tables(W, "f")):
+                back.x.array[rows] = read.columns(f"f{i}", table)["f"]
+        np.testing.assert_allclose(back.x.array, g.x.array, atol=1e-13)
+
+
+def test_unknowns_without_points_are_refused():
+    s = Specimen(2, 2)
+    V = fem.FunctionSpace(s.mesh, ("RTCF", 1))
+    expect(dc.InputError, lambda: checkpoint.dof_tables(V, "u[1]"), "u[1]", "no values at points")
+
+
+def test_nothing_to_save_yet(folder):
+    stepping = ironed(COMM).stepping()
+    expect(dc.InputError, lambda: stepping.save(folder / "run.h5"), "nothing is solved yet")
+    assert os.listdir(folder) == []
+
+
+def test_arrays_that_are_no_numbers(folder):
+    stepping, file = saved(folder)
+    before = file.read_bytes()
+    expect(dc.InputError, lambda: stepping.save(file, names=["a"]), "names", "numbers")
+    expect(dc.InputError, lambda: stepping.save(file, f=[None]), "f is of type", "numbers")
+    assert file.read_bytes() == before
+
+
+def test_a_law_that_keeps_its_state(folder):
+    scene = viscous(COMM)
+    stepping = scene.stepping()
+    next(iter(stepping))
+    scene.problem.system.materials[0].law = type("Mute", (), {})()
+    expect(
+        dc.InputError,
+        lambda: stepping.save(folder / "run.h5"),
+        "Mute",
+        "no state and no set_state",
+    )
+
+
+def broken(kind: str, file: Path, stepping: Any) -> tuple[Path, tuple[str, ...]]:
+    """A file that does not fit, made on rank 0, and what the error has to tell."""
+    path = file.with_name("other.h5")
+    if COMM.rank == 0:
+        data = file.read_bytes()
+        if kind == "truncated":
+            path.write_bytes(data[: len(data) // 2])
+        elif kind == "empty":
+            path.write_bytes(b"")
+        elif kind == "text":
+            path.write_text("a run")
+        elif kind == "another format":
+            with h5py.File(path, "w") as other:
+                other["a"] = 1
+        elif kind == "lacking":
+            path.write_bytes(data)
+            with h5py.File(path, "r+") as other:
+                del other["tables/pair0.particles"]
+    COMM.barrier()
+    return path, ("other.h5", "There is no" if kind == "missing" else "no whole checkpoint")
+
+
+@pytest.mark.parametrize(
+    "kind", ("missing", "truncated", "empty", "text", "another format", "lacking")
+)
+def test_files_that_are_no_checkpoints(kind, folder):
+    stepping, file = saved(folder)
+    before = state_of(stepping)
+    path, parts = broken(kind, file, stepping)
+    expect(dc.InputError, lambda: stepping.load(path), *parts)
+    assert_unchanged(before, state_of(stepping))
+    stepping.load(file)  # it can still be done
+
+
+def other_scene(kind: str) -> tuple[Scene, tuple[str, ...]]:
+    """A scene that the checkpoint of ``ironed`` does not fit."""
+    if kind == "facets":
+        model = punch(COMM, striped, counts=(13, 9))
+        return Scene(model.problem(model.pair(friction=0.3)), None, None, {}), ("u[0]", "nodes")
+    if kind == "places":  # as many nodes at other places
+        model = punch(COMM, striped, counts=(12, 9), shift=0.02)
+        return Scene(model.problem(model.pair(friction=0.3)), None, None, {}), (
+            "u[0] (displacement)",
+            "are not in the file",
+        )
+    model = punch(COMM, striped, counts=(12, 9))
+    if kind == "friction":
+        return Scene(model.problem(model.pair()), None, None, {}), ("pairs[0]", "no friction")
+    if kind == "rule":
+        pair = model.pair(friction=0.3, integration=dc.Simpson(2))
+        return Scene(model.problem(pair), None, None, {}), ("pairs[0]", "Simpson(n=2)")
+    if kind == "pressure":
+        pair = model.pair(friction=0.3, pressure_space=("DG", 0), friction_space=("Lagrange", 1))
+        return Scene(model.problem(pair), None, None, {}), ("pairs[0]", "DG")
+    if kind == "no pair":
+        problem = dc.ContactProblem(model.F, model.u, [], bcs=model.bcs)
+        return Scene(problem, None, None, {}), ("pairs[0]", "the problem none")
+    tool = dc.RigidPlane((0.0, 0.0), (0.0, 1.0))
+    pair = dc.ContactPair(model.surface(SLAVE), tool, friction=0.3)
+    return Scene(model.problem(pair), None, None, {}), ("pairs[0]", "RigidPlane")
+
+
+@pytest.mark.parametrize(
+    "kind", ("facets", "places", "friction", "rule", "pressure", "no pair", "tool")
+)
+def test_checkpoints_of_other_problems(kind, folder):
+    _, file = saved(folder)
+    scene, parts = other_scene(kind)
+    stepping = scene.stepping()
+    before = state_of(stepping)
+    expect(dc.InputError, lambda: stepping.load(file), "run.h5", *parts)
+    assert_unchanged(before, state_of(stepping))
+
+
+def test_no_folder(folder):
+    stepping, _ = saved(folder)
+    expect(dc.ContactError, lambda: stepping.save(folder / "none" / "run.h5"), "none", "written")
+
+
+@pytest.mark.parametrize("size", (0, 2000, 20000))
+def test_a_full_disk(size, folder):
+    """The system refuses to write beyond a size: the former checkpoint stays, and no other file."""
+    stepping, file = saved(folder)
+    data = file.read_bytes()
+    assert len(data) > 1.5 * size
+    next(iter(stepping))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        expect(dc.ContactError, lambda: stepping.save(file), "run.h5", "could not be written")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert file.read_bytes() == data and sorted(os.listdir(folder)) == ["run.h5"]
+    stepping.save(file)  # there is room again
+    COMM.barrier()
+    assert ironed(COMM).stepping().load(file) == {}
+
+
+@pytest.mark.parametrize("name", ("fsync", "replace"))
+def test_a_crash_before_the_end(name, folder, monkeypatch):
+    """Nothing has replaced the former file before the new one is on the disk."""
+    stepping, file = saved(folder)
+    data = file.read_bytes()
+
+    def fail(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint.os, name, fail)
+    expect(dc.ContactError, lambda: stepping.save(file, b=2), "No space left on device")
+    assert file.read_bytes() == data
+
+
+def test_a_part_that_was_left_does_not_matter(folder):
+    """A run that was killed while it wrote has left the part that was written."""
+    stepping, file = saved(folder)
+    if COMM.rank == 0:
+        (folder / "run.h5.part").write_bytes(file.read_bytes()[:3000])
+    COMM.barrier()
+    ironed(COMM).stepping().load(file)
+    stepping.save(file)
+    COMM.barrier()
+    assert sorted(os.listdir(folder)) == ["run.h5"]
