@@ -17,7 +17,9 @@ The demo goes the way twice, the second time in steps of half the length, and dr
 Run it with `python3 demos/ironing.py`, alone or under mpirun. `--slab` sets the facets along the
 slab, `--step` the longer increment of both motions (the benchmark's own increments are 0.1 down and
 0.02 aside), `--way` the length of the slide. An increment of 1 is longer than the contact: where
-Newton fails, the step is cut. `--rule` chooses the integration. It writes demos/pictures/ironing.png.
+Newton fails, the step is cut. `--rule` chooses the integration. With `--checkpoint FILE` each step is
+saved, and after an interruption the same command and `--resume` go on, on any number of ranks. It writes
+demos/pictures/ironing.png.
 """
 
 import argparse
@@ -40,6 +42,8 @@ parser.add_argument("--step", type=float, default=0.2, help="longer increment [m
 parser.add_argument("--way", type=float, default=10.0, help="length of the slide [mm]")
 RULES = {"simpson1": dc.Simpson(1), "simpson2": dc.Simpson(2), "segments": dc.Segments()}
 parser.add_argument("--rule", choices=RULES, default="simpson1", help="contact integration")
+parser.add_argument("--checkpoint", help="file to save each step in")
+parser.add_argument("--resume", action="store_true", help="go on from the checkpoint")
 args = parser.parse_args()
 
 comm = MPI.COMM_WORLD
@@ -103,8 +107,11 @@ def place(x, y):
     plate.interpolate(lambda X: np.array([np.full_like(X[0], x), np.full_like(X[0], y)]))
 
 
-def iron(increment):
-    """Go the way. Columns: x, y, horizontal and vertical force, work, energy, iterations, cuts."""
+def iron(increment, before, saved):
+    """Go the way. Columns: x, y, horizontal and vertical force, work, energy, iterations, cuts.
+
+    `before`: results of a way that is done; `saved`: arrays of a checkpoint of this way, or None.
+    """
     u.x.array[:] = 0
     slave, master = dc.Surface(u, facet_tags, SLAVE), dc.Surface(u, facet_tags, MASTER)
     pair = dc.ContactPair(slave, master, friction=mu, integration=RULES[args.rule])
@@ -112,9 +119,14 @@ def iron(increment):
     inside = form(stored)
     rows = [np.zeros(8)]
     for leg, end in enumerate((1.0, args.way)):
+        if saved and leg < saved["leg"]:
+            continue
         apply = (lambda t: place(0, -t)) if leg == 0 else (lambda t: place(t, -1))
         first = min(increment, 0.1) if leg == 0 else min(increment, end)
-        for step in dc.LoadStepping(problem, apply, end=end, step=first, progress=False):
+        steps = dc.LoadStepping(problem, apply, end=end, step=first, progress=False)
+        if saved and leg == saved["leg"]:
+            rows = list(steps.load(args.checkpoint)["rows"])
+        for step in steps:
             at = np.array([0, -step.time] if leg == 0 else [step.time, -1])
             # the top pushes with what the slab's contact takes up, by the trapezoidal rule
             force = -pair.resultant()
@@ -129,6 +141,8 @@ def iron(increment):
                     ),
                     flush=True,
                 )
+            if args.checkpoint:
+                steps.save(args.checkpoint, rows=rows, leg=leg, **before)
     return np.array(rows)
 
 
@@ -141,7 +155,12 @@ def gather_cells():
     return None if parts is None else [np.concatenate(column) for column in zip(*parts)]
 
 
-ways = [iron(args.step), iron(args.step / 2)]
+saved = dc.checkpoint.arrays(args.checkpoint, comm) if args.resume else None
+ways = [saved["first"]] if saved and "first" in saved else []
+while len(ways) < 2:
+    done = {"first": ways[0]} if ways else {}
+    ways.append(iron(args.step / (1 + len(ways)), done, saved))
+    saved = None
 cells = gather_cells()
 
 # -- picture and assertions ---------------------------------------------------------------------------

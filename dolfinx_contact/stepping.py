@@ -164,7 +164,7 @@ class LoadStepping:
 
         Args:
             path: of the file
-            arrays: anything of your own, numbers; that of rank 0 is kept
+            arrays: anything of your own, numbers; what rank 0 gives is kept
 
         Raises:
             InputError: on all ranks, if nothing is solved yet, for arrays that are no numbers,
@@ -172,7 +172,9 @@ class LoadStepping:
             ContactError: on all ranks, if the file cannot be written; the former one is as it was
         """
         with together(self.problem.comm, "LoadStepping.save"):
-            mine = {name: _numbers(name, value) for name, value in arrays.items()}
+            mine = {}
+            if self.problem.comm.rank == 0:
+                mine = {name: _numbers(name, value) for name, value in arrays.items()}
         history = self._problem_history()
         before, last = (None, None) if self._before is None else self._before
         tables = history.tables(before)
