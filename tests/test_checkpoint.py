@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import resource
+import types
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable
@@ -36,7 +37,7 @@ from test_mixed import bulk
 from test_quadrature import Viscous
 
 import dolfinx_contact as dc
-from dolfinx_contact import checkpoint, compat
+from dolfinx_contact import checkpoint, compat, surface
 
 COMM = MPI.COMM_WORLD
 SAME = 1e-9  # of the largest figure
@@ -86,6 +87,11 @@ def ironed(comm: Any, partition: Any = striped, **options: Any) -> Scene:
 
 def segments(comm: Any, partition: Any = striped) -> Scene:
     return ironed(comm, partition, integration=dc.Segments())
+
+
+def proximity(comm: Any, partition: Any = striped) -> Scene:
+    """Closest points with facets' normals: a particle near a junction keeps its former facet."""
+    return ironed(comm, partition, target=dc.Proximity())
 
 
 def cut(comm: Any, partition: Any = striped) -> Scene:
@@ -180,15 +186,16 @@ def driven(comm: Any, partition: Any = striped) -> Scene:
     model, tool = block(comm, 2, partition), ball(2, 0.3)
     tool.push((0.0, -1.0))
     pair = dc.ContactPair(model.surface(SLAVE), tool, friction=0.3)
+    problem = model.problem(pair)
 
     def apply(t: float) -> None:
         tool.push((0.0, -40.0 * min(1.0, 0.2 + t)))
         tool.move((0.2 * max(0.0, t - 0.4), 0.0))
 
     def measure() -> Any:
-        return [*of_pair(pair)(), tool.translation, tool.force()]
+        return [*of_pair(pair)(), tool.translation, tool.force(), problem.system.driven._reactions]
 
-    return Scene(model.problem(pair), apply, measure, {"step": 0.15})
+    return Scene(problem, apply, measure, {"step": 0.15})
 
 
 def mixed(comm: Any, partition: Any = striped) -> Scene:
@@ -206,7 +213,7 @@ def mixed(comm: Any, partition: Any = striped) -> Scene:
     return Scene(problem, apply, of_pair(pair), {"step": 0.2})
 
 
-SCENES = (ironed, segments, cut, turned_dome, on_plane, plastic, viscous, driven, mixed)
+SCENES = (ironed, segments, proximity, cut, turned_dome, on_plane, plastic, viscous, driven, mixed)
 
 
 @pytest.fixture
@@ -291,6 +298,34 @@ def test_a_stopped_run_goes_on(make, part, folder):
     assert_goes_on(second_part(make, MPI.COMM_SELF, file, stop), uninterrupted)
 
 
+def test_facets_with_other_numbers(folder, monkeypatch):
+    """Numbers of facets may depend on the partition, as after dc.repartition. Particles that are
+    beside their former facets by less than the margin stay there."""
+    file, stop = folder / "run.h5", 8
+    uninterrupted = whole(proximity, COMM)
+    first_part(proximity, COMM, file, stop)
+    with h5py.File(file) as saved:
+        particles = saved["tables/pair0.particles"]
+        beside = particles["closed"][()] & (np.abs(particles["target_xi"][:, 0] - 0.5) > 0.501)
+    assert beside.any()
+    ids = proximity(COMM).problem.pairs[0].master.id
+
+    def others(mesh: Any) -> Any:
+        return 1000 - compat.original_cells(mesh)
+
+    names = {**vars(compat), "original_cells": others}
+    monkeypatch.setattr(surface, "compat", types.SimpleNamespace(**names))
+    assert not np.intersect1d(ids, proximity(COMM).problem.pairs[0].master.id).size
+    assert_goes_on(second_part(proximity, COMM, file, stop), uninterrupted)
+
+    scene = proximity(COMM)
+    scene.stepping().load(file)
+    (pair,), (contact,) = scene.problem.pairs, scene.problem.system.contacts
+    contact.update(at_rest=True)
+    closed, xi = pair._accepted["closed"], contact.assembler.particles()["target_xi"]
+    np.testing.assert_allclose(xi[closed], pair._accepted["target_xi"][closed], atol=1e-9)
+
+
 @pytest.mark.parametrize("make", (ironed, turned_dome, plastic, driven, mixed))
 def test_from_one_rank_to_all(make, folder):
     """A file of one rank's run is taken up by all, on another partition."""
@@ -360,7 +395,7 @@ def test_results_are_those_of_the_checkpoint(folder):
         if name != "comm":
             np.testing.assert_array_equal(getattr(again.particles, name), column, name)
     np.testing.assert_allclose(again._solved()["slave"], pair._solved()["slave"], atol=1e-15)
-    assert loaded.steps == stepping.steps
+    assert loaded.steps == COMM.bcast(stepping.steps)  # the seconds in it are of rank 0
 
 
 def test_back_to_an_earlier_step(folder):
