@@ -31,6 +31,10 @@ Array = npt.NDArray[Any]
 _FORMAT = "dolfinx_contact checkpoint 1"
 _BLOCK = 2**16  # rows that are read at once
 _NEAR = 1e-6  # places are the same within this part of the smallest cell's size
+_COINCIDE = (
+    "cells of the mesh coincide, so that it is not known what belongs where; place bodies that lie in"
+    " one another apart."
+)
 
 
 # -- places -------------------------------------------------------------------------------------
@@ -108,8 +112,11 @@ def dof_tables(V: Any, label: str) -> list[tuple[Array, Table]]:
     owned = V.dofmap.index_map.size_local
     x, sums = x[:owned], sums[:owned]
     places = np.column_stack([x, sums[:, :-1] / sums[:, -1:]])
-    rows = np.arange(owned * size).reshape(-1, size)
-    return [(rows, Table(label, places, smallest(mesh.comm, nodes)))]
+    table = Table(label, places, smallest(mesh.comm, nodes))
+    with together(mesh.comm, "checkpoint"):
+        if len(places) and cKDTree(places).query_pairs(_NEAR * table.size):
+            raise InputError(f"Checkpoint: {label}: {_COINCIDE}")
+    return [(np.arange(owned * size).reshape(-1, size), table)]
 
 
 # -- writing ------------------------------------------------------------------------------------
@@ -366,10 +373,7 @@ class Checkpoint:
         """
         at, columns = self.rows(name, table)
         if self._comm.allreduce(bool(np.any(np.bincount(at) > 1)), op=MPI.LOR):
-            raise InputError(
-                f"{self._path}: {table.label}: cells or points of the mesh coincide, so that it is"
-                " not known what belongs where. Give meshes whose bodies do not lie in one another."
-            )
+            raise InputError(f"{self._path}: {table.label}: {_COINCIDE}")
         order = np.argsort(at)
         return {k: v[order] for k, v in columns.items()}
 

@@ -47,7 +47,8 @@ class LoadStepping:
     A step that fails is halved, and the problem is back at the last accepted step; after two steps
     that went well (at most 6 iterations), or four that went somehow, the next is 1.5 times as long,
     up to max_step. Each begins at displacements (and places of tools that forces drive) that
-    are extrapolated from the last two, unless a tool has just met its slave.
+    are extrapolated from the last two, unless a tool has just met its slave. ``save`` in the loop
+    writes a checkpoint, ``load`` before it goes on from there.
 
     Args:
         problem: a ContactProblem

@@ -37,7 +37,7 @@ from test_mixed import bulk
 from test_quadrature import Viscous
 
 import dolfinx_contact as dc
-from dolfinx_contact import checkpoint, compat, surface
+from dolfinx_contact import checkpoint, compat, meshes, surface
 
 COMM = MPI.COMM_WORLD
 SAME = 1e-9  # of the largest figure
@@ -468,6 +468,14 @@ def test_unknowns_without_points_are_refused():
     s = Specimen(2, 2)
     V = fem.FunctionSpace(s.mesh, ("RTCF", 1))
     expect(dc.InputError, lambda: checkpoint.dof_tables(V, "u[1]"), "u[1]", "no values at points")
+
+
+def test_bodies_in_one_another_are_refused():
+    """Two cells at one place: rows of the one could be taken for the other's."""
+    bodies = [meshes.grid((2, 2), (0, 0), (1, 1)) for _ in range(2)]
+    mesh, _ = meshes.create(COMM, bodies, lambda x, ranks: np.zeros(len(x), dtype=int))
+    V = compat.vector_space(mesh, 1)
+    expect(dc.InputError, lambda: checkpoint.dof_tables(V, "u[0]"), "u[0]", "coincide")
 
 
 def test_nothing_to_save_yet(folder):
