@@ -33,7 +33,6 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
@@ -259,8 +258,8 @@ if comm.rank == 0:
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.5))
     body, x, u = drawn
     for number, colour in ((0, "lightsteelblue"), (1, "wheat")):
-        cells = (x + u)[body == number]
-        left.add_collection(PolyCollection(cells, fc=colour, ec="0.3", lw=0.4))
+        cells = dc.plot.Shapes([(x + u)[body == number]])
+        dc.plot.bodies(cells, color=colour, axes=left)
     left.plot(0, 0, "k.")
     left.annotate("A", (0, 0), (-4.5, -1.5))
     left.set(xlim=(-6, 54), ylim=(-51, 51), aspect="equal", xlabel="r", ylabel="y")
