@@ -17,8 +17,10 @@ The demo goes the way twice, the second time in steps of half the length, and dr
 Run it with `python3 demos/ironing.py`, alone or under mpirun. `--slab` sets the facets along the
 slab, `--step` the longer increment of both motions (the benchmark's own increments are 0.1 down and
 0.02 aside), `--way` the length of the slide. An increment of 1 is longer than the contact: where
-Newton fails, the step is cut. `--rule` chooses the integration. It writes demos/pictures/ironing.png,
-and of the second way, in demos/output/ironing, the .xdmf files for ParaView and a table of forces.
+Newton fails, the step is cut. `--rule` chooses the integration. With `--checkpoint FILE` each step is
+saved, and after an interruption the same command and `--resume` go on, on any number of ranks. It writes
+demos/pictures/ironing.png, and of the second way, in demos/output/ironing, the .xdmf files for ParaView
+and a table of forces.
 """
 
 import argparse
@@ -41,6 +43,8 @@ parser.add_argument("--step", type=float, default=0.2, help="longer increment [m
 parser.add_argument("--way", type=float, default=10.0, help="length of the slide [mm]")
 RULES = {"simpson1": dc.Simpson(1), "simpson2": dc.Simpson(2), "segments": dc.Segments()}
 parser.add_argument("--rule", choices=RULES, default="simpson1", help="contact integration")
+parser.add_argument("--checkpoint", help="file to save each step in")
+parser.add_argument("--resume", action="store_true", help="go on from the checkpoint")
 args = parser.parse_args()
 
 comm = MPI.COMM_WORLD
@@ -103,22 +107,32 @@ def place(x, y):
     plate.interpolate(lambda X: np.array([np.full_like(X[0], x), np.full_like(X[0], y)]))
 
 
-def iron(increment, folder=None):
+def iron(increment, before, saved, folder=None):
     """Go the way, and write it to a folder. Columns: x, y, horizontal and vertical force, work, energy,
-    iterations, cuts."""
+    iterations, cuts.
+
+    `before`: results of a way that is done; `saved`: arrays of a checkpoint of this way, or None.
+    """
     u.x.array[:] = 0
     slave, master = dc.Surface(u, facet_tags, SLAVE), dc.Surface(u, facet_tags, MASTER)
     pair = dc.ContactPair(slave, master, friction=mu, integration=RULES[args.rule])
     problem = dc.ContactProblem(F, u, [pair], bcs=bcs)
     inside = form(stored)
     if folder is not None:
-        writer = dc.Writer(folder, u, pair, fields=[stiffness])
-        table = dc.Table(folder / "forces.csv")
+        reached = np.abs(saved["rows"][-1][:2]).sum() if saved else None
+        writer = dc.Writer(folder, u, pair, fields=[stiffness], resume=reached)
+        table = dc.Table(folder / "forces.csv", resume=reached)
     rows = [np.zeros(8)]
+    # 1 down, then aside
     for leg, end in enumerate((1.0, args.way)):
+        if saved and leg < saved["leg"]:
+            continue
         apply = (lambda t: place(0, -t)) if leg == 0 else (lambda t: place(t, -1))
         first = min(increment, 0.1) if leg == 0 else min(increment, end)
-        for step in dc.LoadStepping(problem, apply, end=end, step=first, progress=False):
+        steps = dc.LoadStepping(problem, apply, end=end, step=first, progress=False)
+        if saved and leg == saved["leg"]:
+            rows = list(steps.load(args.checkpoint)["rows"])
+        for step in steps:
             at = np.array([0, -step.time] if leg == 0 else [step.time, -1])
             # the top pushes with what the slab's contact takes up, by the trapezoidal rule
             force = -pair.resultant()
@@ -126,7 +140,7 @@ def iron(increment, folder=None):
             energy = assemble_scalar(comm, inside) + pair.dissipated_energy()
             rows.append(np.array([*at, *force, work, energy, step.report.iterations, step.failed]))
             if folder is not None:
-                way = leg + step.time  # 1 down, then aside
+                way = leg + step.time
                 writer.write(way)
                 table.write(way=way, force=force, work=work, energy=energy)
             if comm.rank == 0:
@@ -137,6 +151,8 @@ def iron(increment, folder=None):
                     ),
                     flush=True,
                 )
+            if args.checkpoint:
+                steps.save(args.checkpoint, rows=rows, leg=leg, **before)
     return np.array(rows)
 
 
@@ -149,7 +165,12 @@ def gather_cells():
     return None if parts is None else [np.concatenate(column) for column in zip(*parts)]
 
 
-ways = [iron(args.step), iron(args.step / 2, here / "output" / "ironing")]
+saved = dc.checkpoint.arrays(args.checkpoint, comm) if args.resume else None
+ways = [saved["first"]] if saved and "first" in saved else []
+while len(ways) < 2:
+    done, folder = ({"first": ways[0]}, here / "output" / "ironing") if ways else ({}, None)
+    ways.append(iron(args.step / (1 + len(ways)), done, saved, folder))
+    saved = None
 cells = gather_cells()
 
 # -- picture and assertions ---------------------------------------------------------------------------

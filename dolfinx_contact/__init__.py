@@ -18,7 +18,7 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
         " unset PETSC_DIR)."
     )
 
-from . import infsup, materials, meshes, plasticity, solvers
+from . import checkpoint, infsup, materials, meshes, plasticity, solvers
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .output import Writer
 from .pair import ContactPair, Particles
@@ -93,6 +93,7 @@ __all__ = [
     "Table",
     "UnheldError",
     "Writer",
+    "checkpoint",
     "infsup",
     "materials",
     "meshes",

@@ -78,7 +78,11 @@ def test_wrong_rows(file):
         with pytest.raises(dc.InputError, match="force is"):
             table.write(time=0, force=value)
     table.write(time=0, force=np.zeros(2))
-    for row in ({"time": 1}, {"time": 1, "force": 0}, {"time": 1, "force": np.zeros(2), "more": 1}):
+    for row in (
+        {"time": 1},
+        {"time": 1, "force": 0},
+        {"time": 1, "force": np.zeros(2), "more": 1},
+    ):
         with pytest.raises(dc.InputError, match="columns"):
             table.write(**row)
     # other columns on one rank only
