@@ -15,9 +15,11 @@ perpendicular to its facet, so that pressure does a little work on a particle th
 The demo goes the way twice, the second time in steps of half the length, and draws both.
 
 Run it with `python3 demos/ironing.py`, alone or under mpirun. `--slab` sets the facets along the
-slab, `--step` the longer increment of both motions (the benchmark's own increments are 0.1 down and
-0.02 aside), `--way` the length of the slide. An increment of 1 is longer than the contact: where
-Newton fails, the step is cut. `--rule` chooses the integration. With `--checkpoint FILE` each step is
+slab; or `--mesh FILE` is a .msh file of both bodies by Gmsh, with the physical surfaces 1 (indenter) and
+2 (slab) and the physical curves 1 (top), 2 (bottom), 5 (the arc) and 6 (top of the slab). `--step` sets
+the longer increment of both motions (the benchmark's own increments are 0.1 down and 0.02 aside), `--way`
+the length of the slide. An increment of 1 is longer than the contact: where Newton fails, the step is
+cut. `--rule` chooses the integration. With `--checkpoint FILE` each step is
 saved, and after an interruption the same command and `--resume` go on, on any number of ranks. It writes
 demos/pictures/ironing.png, and of the second way, in demos/output/ironing, the .xdmf files for ParaView
 and a table of forces.
@@ -29,7 +31,6 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
@@ -39,6 +40,7 @@ from dolfinx_contact.compat import assemble_scalar, form, function_space, vector
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--slab", type=int, default=60, help="facets along the slab")
+parser.add_argument("--mesh", help="a .msh file for them")
 parser.add_argument("--step", type=float, default=0.2, help="longer increment [mm]")
 parser.add_argument("--way", type=float, default=10.0, help="length of the slide [mm]")
 RULES = {"simpson1": dc.Simpson(1), "simpson2": dc.Simpson(2), "segments": dc.Segments()}
@@ -65,23 +67,28 @@ def indenter(x):
 
 
 n = args.slab
-mesh, body = meshes.create(
-    comm,
-    [
-        meshes.grid((max(6, n // 8), max(4, n // 12)), (-1, 0), (1, 1), indenter),
-        meshes.grid((n, n // 4), (0, 0), (12, 4)),
-    ],
-)
-facet_tags = meshes.tag_facets(
-    mesh,
-    {
-        SLAVE: (lambda x: np.abs(np.hypot(x[0] - 0.8, x[1] - 4.95) - 0.75) < 1e-6, 0),
-        MASTER: (lambda x: np.isclose(x[1], 4), 1),
-        TOP: (lambda x: np.isclose(x[1], 5.4), 0),
-        BOTTOM: (lambda x: np.isclose(x[1], 0), 1),
-    },
-    body,
-)
+if args.mesh:
+    mesh, cell_tags, facet_tags = meshes.read_msh(comm, args.mesh, 2)
+    body = np.ones(cell_tags.indices.max(initial=-1) + 1, dtype=int)
+    body[cell_tags.indices] = cell_tags.values - 1
+else:
+    mesh, body = meshes.create(
+        comm,
+        [
+            meshes.grid((max(6, n // 8), max(4, n // 12)), (-1, 0), (1, 1), indenter),
+            meshes.grid((n, n // 4), (0, 0), (12, 4)),
+        ],
+    )
+    facet_tags = meshes.tag_facets(
+        mesh,
+        {
+            SLAVE: (lambda x: np.abs(np.hypot(x[0] - 0.8, x[1] - 4.95) - 0.75) < 1e-6, 0),
+            MASTER: (lambda x: np.isclose(x[1], 4), 1),
+            TOP: (lambda x: np.isclose(x[1], 5.4), 0),
+            BOTTOM: (lambda x: np.isclose(x[1], 0), 1),
+        },
+        body,
+    )
 
 # -- the bulk, in UFL: compressible neo-Hookean, plane strain -----------------------------------------
 
@@ -156,36 +163,22 @@ def iron(increment, before, saved, folder=None):
     return np.array(rows)
 
 
-def gather_cells():
-    """Corners of all cells in their present position, and their bodies, on rank 0."""
-    cells = np.arange(mesh.topology.index_map(2).size_local)
-    dofs = np.array([V.dofmap.cell_dofs(c) for c in cells], dtype=int).reshape(-1, 4)
-    x = V.tabulate_dof_coordinates()[:, :2] + u.x.array.reshape(-1, 2)
-    parts = comm.gather((x[dofs][:, [0, 1, 3, 2]], body[cells]), root=0)
-    return None if parts is None else [np.concatenate(column) for column in zip(*parts)]
-
-
 saved = dc.checkpoint.arrays(args.checkpoint, comm) if args.resume else None
 ways = [saved["first"]] if saved and "first" in saved else []
 while len(ways) < 2:
     done, folder = ({"first": ways[0]}, here / "output" / "ironing") if ways else ({}, None)
     ways.append(iron(args.step / (1 + len(ways)), done, saved, folder))
     saved = None
-cells = gather_cells()
+deformed = dc.plot.gather_bodies(u, body)
 
 # -- picture and assertions ---------------------------------------------------------------------------
 
 if comm.rank == 0:
     figure = Figure(figsize=(9, 8), constrained_layout=True)
     bodies, forces, energies = figure.subplots(3, 1, height_ratios=(1.3, 1.2, 1))
-    for number, colour in ((1, "C0"), (0, "C1")):
-        shown = cells[0][cells[1] == number]
-        bodies.add_collection(
-            PolyCollection(shown, facecolor=colour, alpha=0.35, edgecolor="k", linewidth=0.3)
-        )
-    bodies.autoscale()
-    bodies.set_aspect("equal")
-    bodies.set_title("At the end of the way")
+    for number, colour in ((1, "lightsteelblue"), (0, "wheat")):
+        shown = dc.plot.Shapes([deformed.corners[0][deformed.values == number]])
+        dc.plot.bodies(shown, title="At the end of the way", color=colour, axes=bodies)
     for rows, style, step in zip(ways, ("--", "-"), (args.step, args.step / 2)):
         path = np.abs(rows[:, 1]) + rows[:, 0]
         forces.plot(path, -rows[:, 3], "C0" + style, label=f"vertical, increments of {step:g}")

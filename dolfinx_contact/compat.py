@@ -145,6 +145,18 @@ def create_mesh(
     return _mesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element), **options)
 
 
+def gmsh_to_mesh(model: Any, comm: MPI.Comm, dim: int) -> tuple[Any, Any, Any]:
+    """Mesh, cell tags and facet tags of gmsh's model on rank 0. Collective."""
+    try:
+        from dolfinx.io import gmsh as reader  # since 0.10
+    except ImportError:
+        from dolfinx.io import gmshio as reader
+    found = reader.model_to_mesh(model, comm, 0, gdim=dim)
+    if isinstance(found, tuple):
+        return found[:3]
+    return found.mesh, found.cell_tags, found.facet_tags
+
+
 def transfer_tags(
     mesh: _mesh.Mesh,
     dim: int,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Meshes of mapped grids, for demos and tests: several bodies in one DOLFINx mesh.
+"""Meshes by gmsh; and of mapped grids, for demos and tests: several bodies in one DOLFINx mesh.
 
 >>> upper = grid((8, 4), lower=(0, 1), upper=(2, 2))
 >>> lower = grid((9, 4), upper=(2, 1))
@@ -9,8 +9,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Callable, Sequence
 
 import basix
@@ -21,6 +23,7 @@ from mpi4py import MPI
 
 from . import compat
 from .errors import InputError, together
+from .gmsh_file import gmsh_model
 
 _DIMENSIONS = {"triangle": 2, "quadrilateral": 2, "tetrahedron": 3, "hexahedron": 3}
 
@@ -129,6 +132,36 @@ def create(
     mesh = compat.create_mesh(comm, cells, points, cell, degree, ranks)
     body = np.searchsorted(ends, compat.original_cells(mesh), side="right")
     return mesh, body.astype(np.int32)
+
+
+def read_msh(comm: MPI.Comm, file: str | Path, dim: int) -> tuple[Any, Any, Any]:
+    """A mesh by gmsh, with the tags of its physical groups. Collective; rank 0 reads.
+
+    The same for all versions of DOLFINx, whose function of this kind goes by several names, and
+    fails in 0.5.2. What is in no physical group is not read.
+
+    Args:
+        comm: of the mesh
+        file: a .msh file
+        dim: of the space
+
+    Returns:
+        mesh, tags of cells, tags of facets
+
+    Raises:
+        InputError: on all ranks, without such a file, or if gmsh or DOLFINx cannot read it
+    """
+    with contextlib.ExitStack() as stack:
+        model = None
+        with together(comm, "meshes.read_msh"):
+            if comm.rank == 0:
+                model = stack.enter_context(gmsh_model(Path(file), "meshes.read_msh"))
+                if not model.getPhysicalGroups(dim):
+                    raise InputError(
+                        f"it has no physical groups of dimension {dim}; give one to each body, and"
+                        " to the boundaries you need"
+                    )
+        return compat.gmsh_to_mesh(model, comm, dim)
 
 
 def tag_facets(

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import inspect
-import os
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ from mpi4py import MPI
 
 from . import _cpp
 from .errors import InputError, together
+from .gmsh_file import gmsh_model
 from .surface import reference_facet
 from .tools import RigidTool, numbers
 
@@ -147,33 +146,12 @@ class RigidMesh(RigidTool):
 
 def _read(path: Path, tags: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     """Points and cells of a file."""
-    import gmsh
-
-    if not path.is_file():
-        raise InputError(f"RigidMesh.read: there is no file {str(path)!r}.")
-    ours = not _is_running(gmsh)
-    if ours:
-        known = inspect.signature(gmsh.initialize).parameters
-        gmsh.initialize(**({"interruptible": False} if "interruptible" in known else {}))
-    before = gmsh.option.getNumber("General.Terminal")
-    model = gmsh.model.getCurrent()
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.add("rigid mesh")
-    try:
-        gmsh.merge(str(path))
-        nodes, x, _ = gmsh.model.mesh.getNodes()
+    with gmsh_model(path, "RigidMesh.read") as model:
+        nodes, x, _ = model.mesh.getNodes()
         blocks = {
-            dim: _cells(dim, kind, name, tags)
+            dim: _cells(model, dim, kind, name, tags)
             for dim, kind, name in ((2, (2, 3), "surface"), (1, (1,), "line"))
         }
-    except Exception as error:  # gmsh raises plain Exception
-        raise InputError(f"RigidMesh.read: gmsh cannot read {str(path)!r}: {error}") from None
-    finally:
-        gmsh.model.remove()
-        gmsh.model.setCurrent(model)
-        gmsh.option.setNumber("General.Terminal", before)
-        if ours:
-            gmsh.finalize()
     dim = 2 if len(blocks[2]) else 1
     cells = blocks[dim]
     if len(cells) == 0:
@@ -195,34 +173,17 @@ def _read(path: Path, tags: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
     return x[used[first]], renumbered[position[cells]]
 
 
-def _is_running(gmsh: Any) -> bool:
-    """Whether gmsh has been initialised. Up to 4.8 it does not say, but then has no model, and
-    complains on stderr."""
-    if hasattr(gmsh, "isInitialized"):
-        return bool(gmsh.isInitialized())
-    stderr = os.dup(2)
-    try:
-        with open(os.devnull, "w") as null:
-            os.dup2(null.fileno(), 2)
-        return len(gmsh.model.list()) > 0
-    except Exception:
-        return False
-    finally:
-        os.dup2(stderr, 2)
-        os.close(stderr)
-
-
-def _cells(dim: int, kinds: tuple[int, ...], name: str, tags: Any) -> npt.NDArray[np.int64]:
+def _cells(
+    model: Any, dim: int, kinds: tuple[int, ...], name: str, tags: Any
+) -> npt.NDArray[np.int64]:
     """Corners of the cells of a dimension, by gmsh's numbers of its first-order types."""
-    import gmsh
-
     wanted = None if tags is None else np.atleast_1d(tags).tolist()
     parts: dict[int, list[Any]] = {kind: [] for kind in kinds}
-    for _, entity in gmsh.model.getEntities(dim):
-        groups = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
+    for _, entity in model.getEntities(dim):
+        groups = model.getPhysicalGroupsForEntity(dim, entity)
         if wanted is not None and not set(groups) & set(wanted):
             continue
-        for kind, nodes in zip(*gmsh.model.mesh.getElements(dim, entity)[::2]):
+        for kind, nodes in zip(*model.mesh.getElements(dim, entity)[::2]):
             if kind not in parts:
                 raise InputError(
                     f"the {name} {entity} has elements of gmsh's type {kind}; give first-order"

@@ -40,6 +40,13 @@ class Step:
     failed: int
     smallest: float
 
+    def __str__(self) -> str:
+        cuts = f", {self.failed} failed before" if self.failed else ""
+        return (
+            f"step {self.number} to t = {self.time:g} (length {self.length:.3g}):"
+            f" {self.report.iterations} iterations{cuts}"
+        )
+
 
 class LoadStepping:
     """Solve a problem for t from 0 to an end, in steps; iterate over it.

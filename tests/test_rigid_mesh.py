@@ -11,7 +11,7 @@ from rigid import block, pair_and_problem, sphere_mesh
 from test_errors import expect
 
 import dolfinx_contact as dc
-from dolfinx_contact.rigid_mesh import _is_running
+from dolfinx_contact.gmsh_file import is_running
 
 COMM = MPI.COMM_WORLD
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
@@ -174,7 +174,7 @@ def test_gmsh_stays_as_it_was(folder):
 
     path = write(folder / "tool.stl", stl(TETRAHEDRON, FACES))
     dc.RigidMesh.read(path, COMM)
-    assert not _is_running(gmsh)
+    assert not is_running(gmsh)
     gmsh.initialize()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -184,7 +184,9 @@ def test_gmsh_stays_as_it_was(folder):
         dc.RigidMesh.read(path, COMM)
         with pytest.raises(dc.InputError):
             dc.RigidMesh.read(write(folder / "bad.msh", "nonsense"), COMM)
-        assert gmsh.model.getCurrent() == "mine" and gmsh.model.list().count("rigid mesh") == 0
+        assert (
+            gmsh.model.getCurrent() == "mine" and gmsh.model.list().count("dolfinx_contact") == 0
+        )
         assert len(gmsh.model.getEntities(0)) == 1
     finally:
         gmsh.finalize()

@@ -69,6 +69,13 @@ def test_equal_steps_end_at_the_end():
     assert steps[-1].report.converged and not any(s.failed for s in steps)
 
 
+def test_a_step_in_words():
+    problem = Brittle(0.15)
+    steps = list(dc.LoadStepping(problem, problem.apply, step=0.3, max_step=0.3, progress=False))
+    assert str(steps[0]) == "step 1 to t = 0.15 (length 0.15): 4 iterations, 1 failed before"
+    assert str(steps[1]) == "step 2 to t = 0.3 (length 0.15): 4 iterations"
+
+
 def test_no_sliver_is_left():
     problem = Brittle(1.0)
     list(dc.LoadStepping(problem, problem.apply, end=0.3, step=0.1, progress=False))
