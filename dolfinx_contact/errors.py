@@ -15,20 +15,39 @@ from mpi4py import MPI
 
 
 class ContactError(RuntimeError):
-    """Anything that goes wrong in dolfinx_contact."""
+    """Anything that goes wrong in dolfinx_contact.
+
+    Attributes:
+        page: what it means and what to try; the message ends with it
+    """
+
+    page = "docs/failures.md#contacterror"
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        return text if self.page in text else f"{text}\nSee {self.page}"
 
 
 class InputError(ContactError, ValueError):
     """The user gave something that cannot work; the message says how to mend it."""
 
+    page = "docs/failures.md#inputerror"
+
 
 class UnheldError(ContactError):
     """Nothing holds a body; the message names it, how it can move, and the remedies."""
 
+    page = "docs/failures.md#unhelderror"
+
 
 class ConvergenceError(ContactError):
-    """A solve failed; ``report`` holds what it did up to then."""
+    """A solve failed.
 
+    Attributes:
+        report: what it did up to then, a Report
+    """
+
+    page = "docs/failures.md#convergenceerror"
     report = None
 
 
