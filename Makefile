@@ -122,7 +122,7 @@ robustness: install
 # --- documentation ---------------------------------------------------------------------------
 
 # Sphinx is for the documentation only. Every warning is an error.
-docs: PACKAGES += python3-sphinx python3-myst-parser python3-sphinx-rtd-theme
+docs: PACKAGES += python3-sphinx python3-myst-parser python3-sphinx-rtd-theme libjs-mathjax
 docs: install
 	$(PY) -m sphinx -q -W --keep-going -d $(BUILD)/docs-cache docs $(BUILD)/docs
 	@echo "Open $(BUILD)/docs/index.html"

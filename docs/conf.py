@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: MIT
 """Sphinx's settings for `make docs`: Markdown pages, and the reference from docstrings.
 
-Formulas become MathML, which browsers draw by themselves: no script, no network.
+Formulas are drawn by Debian's MathJax, of which the pages get a copy: no network is needed.
 """
 
 import re
-from html import escape
+import shutil
 from pathlib import Path
-
-from docutils.nodes import SkipNode
-from docutils.utils.math.latex2mathml import tex2mathml
 
 root = Path(__file__).resolve().parent.parent
 
@@ -19,7 +16,13 @@ release = version = re.search(
     r'__version__ = "(.*)"', (root / "dolfinx_contact" / "__init__.py").read_text()
 ).group(1)
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_rtd_theme"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx_rtd_theme",
+]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3  # `failures.md#…` leads to a heading, as on a forge
 html_theme = "sphinx_rtd_theme"
@@ -46,32 +49,32 @@ def verbatim(app, what, name, obj, options, lines):
     for i, line in enumerate(lines):
         line = re.sub(r"(?<![`\\])(\||\*(?=\w))", r"\\\1", line)
         line = re.sub(r"(?<=\w)_(?=[\s,.;:)]|$)", r"\\_", line)
-        lines[i] = line
+        # "Attributes: u, comm: …" would be taken as a type and a name
+        lines[i] = re.sub(r"^:ivar ([^:]*):", lambda m: m[0].replace(", ", ","), line)
 
 
 # -- formulas ---------------------------------------------------------------------------------
 
-
-def inline_math(writer, node):
-    """A formula in a line."""
-    writer.body.append(_mathml(node.astext()))
-    raise SkipNode
-
-
-def block_math(writer, node):
-    """A formula of its own."""
-    math = _mathml(node.astext()).replace("<math ", '<math display="block" ', 1)
-    writer.body.append(f'<div class="math" title="{escape(node.astext())}">{math}</div>\n')
-    raise SkipNode
+mathjax = Path("/usr/share/javascript/mathjax")
+mathjax_path = "mathjax/MathJax.js?config=TeX-AMS_SVG"
+mathjax2_config = {"tex2jax": {"processClass": "math", "ignoreClass": "document"}}
+myst_update_mathjax = False
 
 
-def _mathml(latex):
-    return tex2mathml(latex).replace("\n", "")
+def copy_mathjax(app, error):
+    """What TeX to SVG needs of it, with one font."""
+    if error is not None or app.builder.format != "html":
+        return
+    for part in ("MathJax.js", "config/TeX-AMS_SVG.js", "extensions", "jax/element", "jax/output/SVG"):
+        to = Path(app.outdir) / "_static" / "mathjax" / part
+        to.parent.mkdir(parents=True, exist_ok=True)
+        if (mathjax / part).is_dir():
+            others = shutil.ignore_patterns("Asana*", "Gyre*", "Latin*", "Neo*", "STIX*")
+            shutil.copytree(mathjax / part, to, ignore=others, dirs_exist_ok=True)
+        else:
+            shutil.copyfile(mathjax / part, to)
 
 
 def setup(app):
     app.connect("autodoc-process-docstring", verbatim)
-    app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
-
-
-html_math_renderer = "mathml"
+    app.connect("build-finished", copy_mathjax)
