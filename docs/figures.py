@@ -210,3 +210,5 @@ if __name__ == "__main__":
     particles()
     targets()
     of_page("start.md", {"pressure.png": "start.png"})
+    made = {"shear.png": "tutorial_shear.png", "ironing.png": "tutorial_ironing.png"}
+    of_page("tutorial.md", made)
