@@ -65,7 +65,13 @@ def copy_mathjax(app, error):
     """What TeX to SVG needs of it, with one font."""
     if error is not None or app.builder.format != "html":
         return
-    for part in ("MathJax.js", "config/TeX-AMS_SVG.js", "extensions", "jax/element", "jax/output/SVG"):
+    for part in (
+        "MathJax.js",
+        "config/TeX-AMS_SVG.js",
+        "extensions",
+        "jax/element",
+        "jax/output/SVG",
+    ):
         to = Path(app.outdir) / "_static" / "mathjax" / part
         to.parent.mkdir(parents=True, exist_ok=True)
         if (mathjax / part).is_dir():

@@ -170,7 +170,9 @@ def targets():
 
     figure, axes = blank((9.5, 2.1), 2)
     for a, target, title in zip(
-        axes, (closest, smooth), ("Proximity(): closest points (F4)", "Smooth(): interpolated normals (F6)")
+        axes,
+        (closest, smooth),
+        ("Proximity(): closest points (F4)", "Smooth(): interpolated normals (F6)"),
     ):
         a.fill_between(x[:, 0], x[:, 1], -0.8, color=MASTER, alpha=0.45, linewidth=0)
         a.plot(*x.T, "-", color=MASTER, linewidth=2)

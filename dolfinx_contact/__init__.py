@@ -83,4 +83,5 @@ __all__ = [
     "plasticity",
     "plot",
     "repartition",
+    "solvers",
 ]

@@ -24,8 +24,10 @@ class ContactError(RuntimeError):
     page = "docs/failures.md#contacterror"
 
     def __str__(self) -> str:
-        text = super().__str__()
-        return text if self.page in text else f"{text}\nSee {self.page}"
+        see = f"\nSee {self.page}"
+        return (
+            super().__str__().replace(see, "") + see
+        )  # once, though messages are quoted and sent on
 
 
 class InputError(ContactError, ValueError):

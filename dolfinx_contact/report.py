@@ -46,7 +46,13 @@ class Report:
         return list(np.hypot(self.residuals["bulk"], self.residuals["contact"]))
 
     def add(self, bulk: float, contact: float, changes: Sequence[int]) -> None:
-        """Append a line: norms of the residual [force] and the changes of status, (3,)."""
+        """Append a line.
+
+        Args:
+            bulk, contact: norms of the residual [force]
+            changes: numbers of particles that opened or closed, changed between stick and slip, and
+                slipped on in another direction, (3,)
+        """
         self.residuals["bulk"].append(bulk)
         self.residuals["contact"].append(contact)
         for column, n in zip((self.status_changes, self.slip_changes, self.reversals), changes):
