@@ -5,6 +5,9 @@ H. Ben Dhia and M. Zarroug, Hybrid frictional contact particles-in elements, Rev
 éléments finis 11 (2002).
 """
 
+from importlib import import_module as _import_module
+from typing import Any as _Any
+
 from petsc4py import PETSc as _PETSc
 
 if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
@@ -15,7 +18,7 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
         " unset PETSC_DIR)."
     )
 
-from . import infsup, meshes, plasticity, plot, solvers
+from . import infsup, meshes, plasticity, solvers
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .pair import ContactPair, Particles
 from .partition import repartition
@@ -45,6 +48,14 @@ from .tools import (
     RigidTool,
     RigidTorus,
 )
+
+
+def __getattr__(name: str) -> _Any:
+    # matplotlib costs more time and memory to import than all the rest
+    if name == "plot":
+        return _import_module(".plot", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __version__ = "0.1.0"
 __all__ = [

@@ -344,8 +344,8 @@ class PairAssembly:
             at_rest: to the displacements and tools of the last accepted step
 
         Returns:
-            numbers of particles over all ranks that changed between open and closed, between stick
-            and slip, and that slip on in another direction, (3,)
+            numbers of particles over all ranks that opened, closed, began to slip, began to stick, and
+            slip on in another direction, (5,)
 
         Raises:
             ContactError: on all ranks, if a displacement is not finite
@@ -367,11 +367,11 @@ class PairAssembly:
         else:
             self._exchange(slave, ringed)
         changes = self._search(again=False)
-        while changes[3] > 0:
+        while changes[-1] > 0:
             self._widen(self.assembler.decided())
             more = self._search(again=True)
-            changes = np.array([*(changes + more)[:3], more[3]])
-        return changes[:3]
+            changes = np.array([*(changes + more)[:-1], more[-1]])
+        return changes[:-1]
 
     def _search(self, again: bool) -> npt.NDArray[np.int64]:
         """Search and decide where the last update has placed the surfaces; see Assembler.update.
@@ -383,9 +383,9 @@ class PairAssembly:
         slave, _, master_u, close = self._place
         master = np.zeros(0) if self.pair.tools else self._master_values(master_u)
         friction = self.pair._semi_multiplier
-        found = np.zeros(4, dtype=np.int64)
+        found = np.zeros(6, dtype=np.int64)
         with together(self._comm, "contact search"):
-            found[:3] = self.assembler.update(
+            found[:-1] = self.assembler.update(
                 slave,
                 master,
                 self.pair._multiplier.x.array,
@@ -395,7 +395,7 @@ class PairAssembly:
                 again,
             )
             if self._facets is not None:
-                found[3] = self._facets.lacking(self.assembler.decided()).any()
+                found[-1] = self._facets.lacking(self.assembler.decided()).any()
         self._comm.Allreduce(MPI.IN_PLACE, found)
         return found
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from .report import Report
+from .report import Report, told
 from .solvers import SaddlePoint, direct
 from .system import System
 
@@ -63,6 +63,7 @@ class NewtonLoop:
         self._keys = [prefix + key for key in given]
         for key, value in given.items():
             database[prefix + key] = value
+        self._monitored = any(database.hasName(p + "snes_monitor") for p in ("", prefix))
         snes.setOptionsPrefix("")
         snes.setFromOptions()  # so that -snes_monitor and its like work
         snes.setOptionsPrefix(prefix)
@@ -180,11 +181,12 @@ class NewtonLoop:
         if it > 0:
             report.linear_iterations.append(snes.getKSP().getIterationNumber())
         log.info(
-            "iteration %d: bulk %.3e, contact %.3e, %d opened or closed, %d stuck or slipped,"
-            " %d reversed",
-            *(it, bulk, contact, *system.changes),
+            "iteration %d: bulk %.3e, contact %.3e; %s",
+            *(it, bulk, contact, told(system.changes)),
         )
         worst = max(bulk, contact)
+        if self._monitored:
+            PETSc.Sys.Print(f"    contact: {told(system.changes)}", comm=system.comm)
         if not np.isfinite(worst):
             return reasons.DIVERGED_FNORM_NAN
         if worst <= max(snes.atol, self._enough) or system.settled(

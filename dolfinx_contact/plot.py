@@ -1,155 +1,348 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of contact, by matplotlib; no display is needed."""
+"""Pictures of contact, by matplotlib, and VTK for surfaces in space; no display is needed.
+
+Each function draws a figure of its own, which it returns and writes if given a file, or in axes of the
+user's. All ranks call it, and rank 0 draws; the others get None, and need no axes. The figures have no
+window; a notebook shows those that are returned.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import Normalize, to_rgb
+from matplotlib.figure import Figure
 
-from . import compat
-from .errors import ContactError, together
+from . import render
+from .errors import ContactError, InputError, together
 from .pair import ContactPair
+from .report import Report
+from .shapes import Shapes, gather_bodies, gather_friction, gather_pressure
+
+__all__ = [
+    "bodies",
+    "convergence",
+    "gather_bodies",
+    "gather_friction",
+    "gather_pressure",
+    "history",
+    "pressure",
+    "status",
+]
+
+STATUS = {"open": "0.75", "slip": "tab:orange", "stick": "tab:blue"}
 
 
-def pressure(pair: ContactPair, file: str | Path, title: str | None = None) -> None:
+def bodies(
+    shown: Any,
+    file: str | Path | None = None,
+    title: str | None = None,
+    *,
+    field: Any = None,
+    label: str = "",
+    axes: Any = None,
+    clim: tuple[float, float] | None = None,
+    cmap: str = "viridis",
+    color: Any = "lightsteelblue",
+    edges: bool = True,
+) -> Any:
+    """Draw deformed bodies, coloured by a field. Collective, unless polygons are given.
+
+    Args:
+        shown: a displacement, a list of them, or what ``gather_bodies`` has returned
+        file: picture to write; its ending chooses the format
+        title: heading
+        field: see gather_bodies
+        label: of the field, beside its colours; with its unit
+        axes: of matplotlib, to draw in (rank 0)
+        clim: least and largest value that the colours tell apart; None: all
+        cmap: matplotlib's name of the colours
+        color: of bodies without a field
+        edges: draw those of the cells
+
+    Returns:
+        the figure on rank 0, else None
+
+    Raises:
+        InputError: see gather_bodies
+        ContactError: on all ranks, if the file cannot be written
+    """
+    comm = None
+    if shown is not None and not isinstance(shown, Shapes):
+        first = shown[0] if isinstance(shown, (list, tuple)) and shown else shown
+        shown = gather_bodies(shown, field)
+        comm = first.function_space.mesh.comm
+
+    def draw(figure: Any, axes: Any) -> None:
+        values = shown.values
+        norm = None if values is None else Normalize(*(clim or _range(values)))
+        if len(shown.bounds[0]) == 3:
+            n = len(shown.polygons)
+
+            colours = (
+                np.tile(to_rgb(color), (n, 1)) if norm is None else colormaps[cmap](norm(values))
+            )
+            axes = render.draw(figure, axes, shown.corners, colours[:, :3], edges)
+        else:
+            line = dict(edgecolor="0.25", linewidth=0.25) if edges else dict(edgecolor="face")
+            cells = PolyCollection(shown.polygons, **line)
+            if norm is None:
+                cells.set_facecolor(color)
+            else:
+                cells.set(array=values, norm=norm, cmap=cmap)
+            axes.add_collection(cells)
+            axes.autoscale_view()
+            axes.set_aspect("equal")
+        if norm is not None:
+            mappable = ScalarMappable(norm, cmap)
+            figure.colorbar(mappable, ax=axes, label=label, shrink=0.75)
+        if title:
+            axes.set_title(title)
+
+    return _picture(draw, comm, shown is not None, file, axes, "plot.bodies")
+
+
+def pressure(
+    pair: ContactPair,
+    file: str | Path | None = None,
+    title: str | None = None,
+    *,
+    axes: Any = None,
+    label: str = "contact pressure",
+) -> Any:
     """Draw the nominal contact pressure of the last accepted solution. Collective.
 
-    In 2D over the arc length of the slave surface, in 3D on the deformed slave surface; only rank 0
-    draws.
+    In 2D over the abscissa along which the slave surface is longest, in 3D on the deformed slave
+    surface.
 
     Args:
         pair: a pair that has been solved
         file: picture to write; its ending chooses the format
         title: heading
+        axes: of matplotlib, to draw in (rank 0)
+        label: of the pressure, with its unit
+
+    Returns:
+        the figure on rank 0, else None
 
     Raises:
         ContactError: on all ranks, if the pair has not been solved or the file cannot be written
     """
     facets = gather_pressure(pair, parts=4)
-    with together(pair.comm, "plot.pressure"):
-        if facets is not None:
-            _draw(facets, pair.slave.dim, Path(file), title)
+
+    def draw(figure: Any, axes: Any) -> None:
+        x, p = facets
+        if x.shape[2] == 2:
+            along = _along(x.reshape(-1, 2))
+            for xf, pf in zip(x, p):
+                axes.plot(xf[:, along], pf, "-", color="tab:blue")
+            axes.set(xlabel="xy"[along], ylabel=label)
+            axes.grid(alpha=0.3)
+        else:
+            around = [0, 1, 3, 2] if x.shape[1] == 4 else [0, 1, 2]
+            norm = Normalize(*_range(p))
+            colours = colormaps["viridis"](norm(p.mean(axis=1)))[:, :3]
+            axes = render.draw(figure, axes, [x[:, around]], colours, False)
+            figure.colorbar(ScalarMappable(norm, "viridis"), ax=axes, label=label, shrink=0.7)
+        if title:
+            axes.set_title(title)
+
+    return _picture(draw, pair.comm, facets is not None, file, axes, "plot.pressure")
 
 
-def gather_pressure(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None:
-    """Slave facets and their pressures on rank 0, None elsewhere. Collective.
+def status(
+    pair: ContactPair,
+    file: str | Path | None = None,
+    title: str | None = None,
+    *,
+    axes: Any = None,
+    plane: Sequence[int] | None = None,
+) -> Any:
+    """Draw which particles are open, slip and stick. Collective.
+
+    In 2D their pressure along the surface; in 3D the particles on a coordinate plane, as large as
+    their pressure.
 
     Args:
         pair: a pair that has been solved
-        parts: cut each facet into this many parts per direction (quadrilaterals and intervals)
+        file, title, axes: as for pressure
+        plane: in 3D the two coordinates to draw; None: those in which the surface is largest
 
     Returns:
-        current positions of the corners (pieces, corners, dim) and pressures there (pieces,
-        corners); corners in Basix's order
-    """
-    gathered = _gather(pair, pair.pressure, pair._psi, parts)
-    return None if gathered is None else (gathered[0], gathered[1][..., 0])
-
-
-def gather_friction(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None:
-    """Slave facets and their friction tractions on rank 0, None elsewhere. Collective.
-
-    Args:
-        pair: a pair with friction that has been solved
-        parts: as for gather_pressure
-
-    Returns:
-        current positions of the corners and nominal friction tractions there, both (pieces,
-        corners, dim)
+        the figure on rank 0, else None
 
     Raises:
-        ContactError: the pair has no friction
+        ContactError: on all ranks, if the pair has not been solved or the file cannot be written
     """
-    if pair.friction is None:
-        raise ContactError("This pair has no friction; make it with friction=μ.")
-    return _gather(pair, pair.friction, pair._phi, parts)
+    particles = pair.particles.gather()
+
+    def draw(figure: Any, axes: Any) -> None:
+        x, p = particles.position, particles.pressure
+        if x.shape[1] == 2:
+            along = _along(x)
+            shown = x[:, along], p
+            axes.set(xlabel="xy"[along], ylabel="contact pressure of the particles")
+        else:
+            i, j = plane or sorted(np.argsort(np.ptp(x, axis=0))[1:])
+            shown = x[:, i], x[:, j]
+            axes.set(xlabel="xyz"[i], ylabel="xyz"[j], aspect="equal")
+        size = 4 + 12 * np.maximum(p, 0) / max(p.max(initial=0), 1e-300)
+        for name, colour in STATUS.items():
+            k = particles.status == name
+            if k.any():
+                axes.scatter(*(c[k] for c in shown), s=size[k], color=colour, lw=0, label=name)
+        axes.legend()
+        if title:
+            axes.set_title(title)
+
+    return _picture(draw, pair.comm, particles is not None, file, axes, "plot.status")
 
 
-def _gather(pair: ContactPair, function: Any, basis: Any, parts: int) -> tuple[Any, Any] | None:
-    """Corners of pieces of the slave's facets, and a Function of its mesh there; on rank 0."""
-    moved = pair._solved()["slave"]
-    slave = pair.slave
-    points = _pieces(slave.shape, parts)  # (pieces, corners, facet dimension)
-    flat = points.reshape(-1, points.shape[2])
+def history(
+    x: npt.ArrayLike,
+    curves: Mapping[str, npt.ArrayLike],
+    file: str | Path | None = None,
+    title: str | None = None,
+    *,
+    xlabel: str = "load parameter",
+    ylabel: str = "force",
+    axes: Any = None,
+    style: str = ".-",
+) -> Any:
+    """Draw forces, or what else was kept, over the steps. For rank 0; no communication.
 
-    def tabulated(powers: Any, coefficients: Any) -> Any:
-        return np.prod(flat[:, None, :] ** powers[None], axis=2) @ coefficients.T
+    Args:
+        x: load parameter, time or way, (n,)
+        curves: names and values, (n,) each
+        file, title, axes: as for pressure
+        xlabel, ylabel: with their units
+        style: matplotlib's, of the lines
 
-    position = slave.reference["position"]
-    size = function.function_space.dofmap.index_map_bs
-    cells = compat.dof_list(function.function_space)[: len(slave.id)]
-    at_nodes = function.x.array.reshape(-1, size)[cells]
-    values = tabulated(*basis[:2]) @ at_nodes
-    x = tabulated(position["powers"], position["coefficients"]) @ moved[slave.facet_mesh_cells]
-    gathered = pair.comm.gather((x, values), root=0)
-    if gathered is None:
-        return None
-    corners = points.shape[1]
-    return (
-        np.concatenate([part[0].reshape(-1, corners, slave.dim) for part in gathered]),
-        np.concatenate([part[1].reshape(-1, corners, size) for part in gathered]),
-    )
+    Returns:
+        the figure
+
+    Raises:
+        InputError: values of another length than x
+    """
+    x = np.asarray(x, dtype=float)
+    for name, values in curves.items():
+        if np.shape(values) != x.shape:
+            raise InputError(
+                f"plot.history: {name!r} has the shape {np.shape(values)} and x {x.shape}; give one"
+                " value for each."
+            )
+
+    def draw(figure: Any, axes: Any) -> None:
+        for name, values in curves.items():
+            axes.plot(x, values, style, label=name, markersize=4)
+        axes.set(xlabel=xlabel, ylabel=ylabel)
+        axes.grid(alpha=0.3)
+        axes.legend()
+        if title:
+            axes.set_title(title)
+
+    return _picture(draw, None, True, file, axes, "plot.history")
 
 
-def _pieces(shape: str, parts: int) -> Any:
-    """Corners of the pieces of a reference facet; (pieces, corners, facet dimension)."""
-    if shape == "triangle":
-        return np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
-    ends = np.stack([np.arange(parts), np.arange(1, parts + 1)], axis=1) / parts
-    if shape == "interval":
-        return ends[:, :, None]
-    corner = [(i, j) for j in range(2) for i in range(2)]
-    pairs = [(a, b) for b in range(parts) for a in range(parts)]
-    return np.array([[[ends[a, i], ends[b, j]] for i, j in corner] for a, b in pairs])
+def convergence(
+    reports: Report | Sequence[Report],
+    file: str | Path | None = None,
+    title: str | None = None,
+    *,
+    axes: Any = None,
+) -> Any:
+    """Draw residuals and status changes over Newton's iterations. For rank 0; no communication.
+
+    Args:
+        reports: of one solve, or of several one after the other
+        file, title, axes: as for pressure
+
+    Returns:
+        the figure
+
+    Raises:
+        InputError: no reports
+    """
+    reports = [reports] if isinstance(reports, Report) else list(reports)
+    if not reports or not all(isinstance(report, Report) for report in reports):
+        raise InputError("plot.convergence: give a Report, or a list of them.")
+
+    def draw(figure: Any, axes: Any) -> None:
+        first, beside = 0, axes.twinx()
+        for report in reports:
+            at = first + np.arange(len(report.norms))
+            for name, colour in (("bulk", "tab:blue"), ("contact", "tab:orange")):
+                # a residual of exactly 0 has no place on a logarithmic axis
+                norms = np.array(report.residuals[name])
+                axes.semilogy(at, np.where(norms > 0, norms, np.nan), ".-", color=colour)
+            changes = np.add(report.status_changes, report.slip_changes)
+            beside.bar(at, changes, width=0.8, color="0.85")
+            first += len(at)
+        for name, colour in (("bulk", "tab:blue"), ("contact", "tab:orange")):
+            axes.plot([], [], ".-", color=colour, label=name)
+        axes.plot([], [], color="0.85", linewidth=6, label="changes of status (right)")
+        axes.set(xlabel="iterations, of one solve after the other", ylabel="residual [force]")
+        beside.set_ylabel("particles that changed their status")
+        axes.set_zorder(beside.get_zorder() + 1)  # curves before bars
+        axes.patch.set_visible(False)
+        axes.grid(alpha=0.3)
+        axes.legend()
+        if title:
+            axes.set_title(title)
+
+    return _picture(draw, None, True, file, axes, "plot.convergence")
 
 
-def _draw(facets: tuple[Any, Any], dim: int, file: Path, title: str | None) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+def _picture(
+    draw: Any, comm: Any, here: bool, file: str | Path | None, axes: Any, stage: str
+) -> Any:
+    """The figure in which ``draw`` has drawn where ``here``, written if wanted."""
+    figure = None
 
-    figure = Figure(figsize=(7, 4.5) if dim == 2 else (7.5, 6))
-    FigureCanvasAgg(figure)
-    if dim == 2:
-        _draw_line(figure.add_subplot(), *facets)
+    def make() -> None:
+        nonlocal figure, axes
+        if not here:
+            return
+        if axes is None:
+            figure = Figure(figsize=(7.5, 5), constrained_layout=True)
+            FigureCanvasAgg(figure)
+            axes = figure.add_subplot()
+        else:
+            figure = axes.figure
+        draw(figure, axes)
+        if file is not None:
+            try:
+                Path(file).parent.mkdir(parents=True, exist_ok=True)
+                figure.savefig(file, dpi=130)
+            except OSError as error:
+                raise ContactError(
+                    f"{stage}: {file} cannot be written ({error}); give another path."
+                ) from error
+
+    if comm is None:
+        make()
     else:
-        _draw_surface(figure, *facets)
-    if title:
-        figure.suptitle(title)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=120)
+        with together(comm, stage):
+            make()
+    return figure
 
 
-def _draw_line(axes: Any, x: Any, p: Any) -> None:
-    """Pressure over the abscissa along which the surface is longest."""
-    along = int(np.argmax(np.ptp(x.reshape(-1, 2), axis=0)))
-    order = np.argsort(x[:, :, along].mean(axis=1))
-    for xf, pf in zip(x[order], p[order]):
-        axes.plot(xf[:, along], pf, "-", color="tab:blue")
-    axes.set_xlabel("xy"[along])
-    axes.set_ylabel("contact pressure")
-    axes.grid(alpha=0.3)
+def _range(values: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Least and largest value, apart from each other."""
+    finite = values[np.isfinite(values)]
+    low, high = float(finite.min(initial=np.inf)), float(finite.max(initial=-np.inf))
+    if low > high:
+        return 0.0, 1.0
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
 
 
-def _draw_surface(figure: Any, x: Any, p: Any) -> None:
-    from matplotlib import cm, colors
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    axes = figure.add_subplot(projection="3d")
-    around = [0, 1, 3, 2] if x.shape[1] == 4 else [0, 1, 2]
-    scale = colors.Normalize(p.min(), p.max() if np.ptp(p) > 0 else p.min() + 1)
-    faces = Poly3DCollection(x[:, around], linewidth=0.1)
-    colours = cm.viridis(scale(p.mean(axis=1)))
-    faces.set_facecolor(colours)
-    faces.set_edgecolor(colours)
-    axes.add_collection3d(faces)
-    lower, upper = x.reshape(-1, 3).min(axis=0), x.reshape(-1, 3).max(axis=0)
-    middle, half = 0.5 * (lower + upper), 0.5 * float(np.max(upper - lower))
-    for axis, m in zip("xyz", middle):
-        getattr(axes, f"set_{axis}lim")(m - half, m + half)
-        getattr(axes, f"set_{axis}label")(axis)
-    axes.set_box_aspect((1, 1, 1), zoom=0.85)
-    axes.tick_params(labelsize=8)
-    mappable = cm.ScalarMappable(scale, cm.viridis)
-    figure.colorbar(mappable, ax=axes, label="contact pressure", shrink=0.7, pad=0.12)
+def _along(x: npt.NDArray[np.float64]) -> int:
+    """The coordinate in which points spread most."""
+    return int(np.argmax(np.ptp(x, axis=0)))

@@ -9,6 +9,15 @@ from typing import Sequence
 import numpy as np
 
 
+CHANGES = ("opened", "closed", "began_to_slip", "began_to_stick", "reversals")
+
+
+def told(changes: Sequence[int]) -> str:
+    """Changes of status in words, those that happened."""
+    words = [f"{n} {name.replace('_', ' ')}" for name, n in zip(CHANGES, changes) if n > 0]
+    return ", ".join(words) or "no change of status"
+
+
 @dataclass
 class Report:
     """Record of one solve.
@@ -21,8 +30,7 @@ class Report:
         residuals: norm of the residual before each linear solve and at the end, per block: "bulk"
             and "contact" [force]
         reference: force that residuals are compared to [force]
-        status_changes: particles that opened or closed, at each of these
-        slip_changes: particles that changed between stick and slip, likewise
+        opened, closed, began_to_slip, began_to_stick: numbers of particles, at each of these
         reversals: particles that slip on in another direction, likewise
         time: seconds for the whole solve, residuals, Jacobians
     """
@@ -33,8 +41,10 @@ class Report:
     linear_iterations: list[int] = field(default_factory=list)
     residuals: dict[str, list[float]] = field(default_factory=lambda: {"bulk": [], "contact": []})
     reference: float = 0.0
-    status_changes: list[int] = field(default_factory=list)
-    slip_changes: list[int] = field(default_factory=list)
+    opened: list[int] = field(default_factory=list)
+    closed: list[int] = field(default_factory=list)
+    began_to_slip: list[int] = field(default_factory=list)
+    began_to_stick: list[int] = field(default_factory=list)
     reversals: list[int] = field(default_factory=list)
     time: dict[str, float] = field(
         default_factory=lambda: dict.fromkeys(("total", "residual", "jacobian"), 0.0)
@@ -45,31 +55,39 @@ class Report:
         """Norm of the whole residual before each linear solve and at the end [force]."""
         return list(np.hypot(self.residuals["bulk"], self.residuals["contact"]))
 
+    @property
+    def status_changes(self) -> list[int]:
+        """Particles that opened or closed."""
+        return [a + b for a, b in zip(self.opened, self.closed)]
+
+    @property
+    def slip_changes(self) -> list[int]:
+        """Particles that changed between stick and slip."""
+        return [a + b for a, b in zip(self.began_to_slip, self.began_to_stick)]
+
     def add(self, bulk: float, contact: float, changes: Sequence[int]) -> None:
         """Append a line.
 
         Args:
             bulk, contact: norms of the residual [force]
-            changes: numbers of particles that opened or closed, changed between stick and slip, and
-                slipped on in another direction, (3,)
+            changes: numbers of particles that opened, closed, began to slip, began to stick, and
+                slipped on in another direction, (5,)
         """
         self.residuals["bulk"].append(bulk)
         self.residuals["contact"].append(contact)
-        for column, n in zip((self.status_changes, self.slip_changes, self.reversals), changes):
-            column.append(int(n))
+        for name, n in zip(CHANGES, changes):
+            getattr(self, name).append(int(n))
 
     def __str__(self) -> str:
         lines = [
             f"{'converged' if self.converged else 'not converged'} ({self.reason}) in"
-            f" {self.iterations} iterations, reference force {self.reference:.3e}",
-            " it    bulk       contact    open/closed  stick/slip  reversals",
+            f" {self.iterations} iterations, reference force {self.reference:.3e},"
+            f" {self.time['total']:.2f} s",
+            " it  bulk       contact    opened  closed  to slip  to stick  reversals",
         ]
-        columns = (
-            *(self.residuals[name] for name in ("bulk", "contact")),
-            *(self.status_changes, self.slip_changes, self.reversals),
-        )
-        for i, (bulk, contact, status, slip, back) in enumerate(zip(*columns)):
-            lines.append(
-                f"{i:3d}    {bulk:.3e}  {contact:.3e}  {status:11d}  {slip:10d}  {back:9d}"
-            )
+        columns = (self.residuals["bulk"], self.residuals["contact"])
+        counts = [getattr(self, name) for name in CHANGES]
+        for i, (bulk, contact, *changes) in enumerate(zip(*columns, *counts)):
+            words = "{:7d} {:7d}  {:7d}  {:8d}  {:9d}".format(*changes)
+            lines.append(f"{i:3d}  {bulk:.3e}  {contact:.3e}{words}")
         return "\n".join(lines)

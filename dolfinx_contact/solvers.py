@@ -70,7 +70,7 @@ def iterative(**options: Any) -> dict[str, Any]:
     """
     return {
         "ksp_type": "fgmres",
-        "ksp_rtol": 1e-8,
+        "ksp_rtol": 1e-6,
         "ksp_max_it": 300,
         "ksp_gmres_restart": 50,
         "pc_type": "python",
@@ -212,15 +212,15 @@ class _Augmented:
         whole = PETSc.IS().createGeneral(rows, comm=layout.comm)
         multipliers = PETSc.IS().createGeneral(rows[bulk:], comm=layout.comm)
         # A_um and A_mu, with A_mm below and beside them
-        self._columns = A.createSubMatrix(whole, multipliers)
-        self._rows = A.createSubMatrix(multipliers, whole)
+        self._columns = _part(A, whole, multipliers)
+        self._rows = _part(A, multipliers, whole)
         compliance = _inverse_diagonal(A)
         compliance.array[bulk:] = 0.0
         compliance.scale(-1.0 / gamma)
         scaled = self._columns.copy()
         scaled.diagonalScale(compliance, None)
         self._D = self._rows.matMult(scaled)
-        square = A.createSubMatrix(multipliers, multipliers)
+        square = _part(A, multipliers, multipliers)
         self._D.axpy(1.0, square, structure=_DIFFERENT)
         self._solver = PETSc.KSP().create(layout.comm)
         self._solver.setOperators(self._D)
@@ -296,6 +296,21 @@ class _Augmented:
         y.array[bulk:] = 0.0
         self._rows.mult(y, self._m)
         y.array[bulk:] = self._solve(r.array_r[bulk:] - self._m.array_r).array_r
+
+
+def _part(A: Any, rows: Any, columns: Any) -> Any:
+    """Entries of A that are not zero. Collective.
+
+    Most places that A has for multipliers are for targets to come; in D they would be squared.
+    """
+    whole = A.createSubMatrix(rows, columns)
+    starts, places, values = whole.getValuesCSR()
+    kept = values != 0
+    before = np.concatenate([[0], np.cumsum(kept)]).astype(starts.dtype)
+    csr = (before[starts], places[kept], values[kept])
+    part = PETSc.Mat().createAIJ(whole.getSizes(), csr=csr, comm=A.comm)
+    whole.destroy()
+    return part
 
 
 def _inverse_diagonal(A: Any) -> Any:

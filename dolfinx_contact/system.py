@@ -84,7 +84,7 @@ class System:
         # largest force as the step began or now: iterates on the way may be far off
         self.reference_force, self._first_force, self._force = 0.0, -1.0, 0.0
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
-        self.changes = np.zeros(3, dtype=int)  # see PairAssembly.update
+        self.changes = np.zeros(5, dtype=int)  # see PairAssembly.update
         self.A: Any = None
         self.hierarchy: Any = None  # of solvers.iterative
         self.x = PETSc.Vec().createMPI((self.layout.owned, None), comm=self.comm)
@@ -175,7 +175,7 @@ class System:
         b.zeroEntries()
         b.array[: self.layout.offsets[len(self.u)]] = np.concatenate(parts)
 
-        self.changes = np.zeros(3, dtype=int)
+        self.changes = np.zeros(5, dtype=int)
         for pair, contact in zip(self.pairs, self.contacts):
             self.changes += contact.update(pair.initial_contact if close else -1.0)
             with together(self.comm, "contact residual"):

@@ -146,7 +146,7 @@ def derivative_error(problem: Any, size: float = 1e-3, step: float = 1e-6) -> fl
         for h in (step, -step):
             trial.waxpy(h, direction, x)
             system.residual(trial, b)
-            changes += sum(system.changes[:2])
+            changes += sum(system.changes[:4])
             sides.append(b.array_r.copy())
             system.residual(x, b)
         if changes == 0:

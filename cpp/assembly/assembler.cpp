@@ -241,7 +241,8 @@ Changes Assembler<D>::update(const Unknowns& u, double close, bool again)
           = std::isfinite(s.gap)
             and (_frozen.status ? was : closed(_options.law, s.lambda, s.gap) or s.gap > touching);
       s.changes += was != s.closed;
-      changes.contact += was != s.closed;
+      changes.opened += was and not s.closed;
+      changes.closed += s.closed and not was;
       if (nf == 0)
         continue;
 
@@ -253,7 +254,8 @@ Changes Assembler<D>::update(const Unknowns& u, double close, bool again)
       s.friction = friction(s);
       if (before.acts and s.friction.acts)
       {
-        changes.slip += before.slips != s.friction.slips;
+        changes.slid += s.friction.slips and not before.slips;
+        changes.stuck += before.slips and not s.friction.slips;
         changes.reversals += before.slips and s.friction.slips and before.p.dot(s.friction.p) < 0;
       }
     }

@@ -75,9 +75,12 @@ struct Frozen
 /// Particles that changed their status in one update.
 struct Changes
 {
-  int contact = 0;   ///< between open and closed
-  int slip = 0;      ///< between stick and slip
-  int reversals = 0; ///< slip on, in another direction (by more than 90°)
+  int opened = 0, closed = 0;
+  int slid = 0, stuck = 0; ///< began to slip, to stick
+  int reversals = 0;       ///< slip on, in another direction (by more than 90°)
+
+  int contact() const { return opened + closed; }
+  int slip() const { return slid + stuck; }
 };
 
 /// Displacements of the node tables and multipliers of one evaluation.

@@ -163,6 +163,22 @@ std::size_t BlockAdder::describe(std::span<const PetscInt> rows, std::span<const
   return start;
 }
 
+// Rows of a large matrix come from memory: ask for all of the block at once rather than wait for
+// one after the other.
+void BlockAdder::fetch(const PetscInt* group, const PetscInt* run, PetscInt runs,
+                       PetscInt groups) const
+{
+  for (PetscInt g = 0; g < groups; ++g, group += 3 + runs)
+    for (PetscInt i = 0; i < group[1]; ++i)
+      for (PetscInt k = 0; k < runs; ++k)
+      {
+        const Part& part = _parts[run[3 * k + 2]];
+        const PetscScalar* const to = part.values + part.offset[group[2] + i] + group[3 + k];
+        for (PetscInt j = 0; j < run[3 * k + 1]; j += 8)
+          __builtin_prefetch(to + j, 1);
+      }
+}
+
 void BlockAdder::add(const Name& name, std::span<const PetscInt> rows,
                      std::span<const PetscInt> columns, const double* values)
 {
@@ -186,6 +202,7 @@ void BlockAdder::add(const Name& name, std::span<const PetscInt> rows,
   const PetscInt* const run = d + 3;
   const std::size_t width = columns.size();
   d = run + 3 * runs;
+  fetch(d, run, runs, groups);
   for (PetscInt g = 0; g < groups; ++g, d += 3 + runs)
     for (PetscInt i = 0; i < d[1]; ++i)
     {

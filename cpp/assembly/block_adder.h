@@ -62,6 +62,7 @@ private:
   };
 
   std::size_t describe(std::span<const PetscInt> rows, std::span<const PetscInt> columns);
+  void fetch(const PetscInt* group, const PetscInt* run, PetscInt runs, PetscInt groups) const;
   PetscInt place(int part, PetscInt row, PetscInt column, PetscInt length) const;
 
   Mat _A = nullptr;

@@ -207,7 +207,7 @@ void declare_assembler(py::module_& m, const char* name)
           {
             const Changes c
                 = a.update({span(us), span(um), span(lambda), span(Lambda)}, close, again);
-            return std::array<int, 3>{c.contact, c.slip, c.reversals};
+            return std::array<int, 5>{c.opened, c.closed, c.slid, c.stuck, c.reversals};
           },
           py::arg("slave"), py::arg("master"), py::arg("multiplier"), py::arg("close") = -1.0,
           py::arg("friction") = array<double>(0), py::arg("again") = false)
