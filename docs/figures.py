@@ -198,7 +198,8 @@ def of_page(page, pictures):
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         try:
-            for code in re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
+            blocks = r"^(?:```python|<!-- setup)\n(.*?)^(?:```|-->)$"
+            for code in re.findall(blocks, text, re.DOTALL | re.MULTILINE):
                 exec(code, names)
             for made, name in pictures.items():
                 (DOCS / "pictures" / name).write_bytes(Path(made).read_bytes())
@@ -211,6 +212,8 @@ if __name__ == "__main__":
     laws()
     particles()
     targets()
-    of_page("start.md", {"pressure.png": "start.png"})
-    made = {"shear.png": "tutorial_shear.png", "ironing.png": "tutorial_ironing.png"}
-    of_page("tutorial.md", made)
+    of_page("start.md", {"bodies.png": "start_bodies.png", "pressure.png": "start.png"})
+    of_page(
+        "tutorial.md", {f"{n}.png": f"tutorial_{n}.png" for n in ("shear", "ironing", "status")}
+    )
+    of_page("howto/pictures.md", {"both.png": "pictures_both.png"})
