@@ -27,11 +27,11 @@ myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3  # `failures.md#…` leads to a heading, as on a forge
 html_theme = "sphinx_rtd_theme"
 html_theme_options = {"navigation_depth": 2}
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_show_sourcelink = False
 pygments_style = "sphinx"
 root_doc = "index"
-exclude_patterns = ["_build"]
-nitpicky = False
 
 # -- the reference ----------------------------------------------------------------------------
 
