@@ -103,9 +103,8 @@ facet_tags = meshes.tag_facets(
 
 V = vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-G, lmbda = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
-strain = lambda v: ufl.sym(ufl.grad(v))  # noqa: E731
-F = ufl.inner(2 * G * strain(u) + lmbda * ufl.tr(strain(u)) * ufl.Identity(2), strain(w)) * ufl.dx
+psi = dc.materials.small_strain(u, *dc.materials.lame(E, nu))
+F = ufl.derivative(psi * ufl.dx, u, w)
 plate = fem.Function(V)
 bcs = [
     fem.dirichletbc(plate, fem.locate_dofs_topological(V, 1, facet_tags.find(TOP))),

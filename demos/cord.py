@@ -83,11 +83,8 @@ facet_tags = meshes.tag_facets(
 
 V = vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-mu, lmbda = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
-deformation = ufl.Identity(2) + ufl.grad(u)
-J = ufl.det(deformation)
-psi = mu / 2 * (ufl.tr(deformation.T * deformation) - 2 - 2 * ufl.ln(J))
-psi += lmbda / 2 * ufl.ln(J) ** 2
+gradient = dc.materials.deformation_gradient(u)
+psi = dc.materials.neo_hookean(gradient, *dc.materials.lame(E, nu))
 dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 3})
 F = ufl.derivative(psi * dx, u, w)
 
@@ -173,26 +170,15 @@ if comm.rank == 0:
     for column, (key, title) in enumerate(zip(shown, titles)):
         number, X, U = cells[key]
         corners = (X + U)[:, [0, 1, 3, 2]]
+        cord, cylinder = (dc.plot.Shapes([corners[number == one]]) for one in (0, 1))
         whole, top = (figure.add_subplot(grid[row, column]) for row in range(2))
         for axes in (whole, top):
-            for one, colour in ((1, "0.85"), (0, "tab:orange")):
-                axes.add_collection(
-                    PolyCollection(
-                        corners[number == one], facecolor=colour, edgecolor="k", linewidth=0.6
-                    )
-                )
+            dc.plot.bodies(cylinder, color="0.85", axes=axes)
+            dc.plot.bodies(cord, color="tab:orange", axes=axes)
             # the mirror image of the cord, and the axis
-            axes.add_collection(
-                PolyCollection(
-                    corners[number == 0] * [-1, 1],
-                    facecolor="none",
-                    edgecolor="tab:blue",
-                    linewidth=1.0,
-                    linestyle="--",
-                )
-            )
+            dashed = dict(fc="none", ec="tab:blue", lw=1.0, ls="--")
+            axes.add_collection(PolyCollection(cord.mirrored().polygons, **dashed))
             axes.axvline(0, color="tab:red", linewidth=0.8, linestyle="-.")
-            axes.set_aspect("equal")
         whole.set_xlim(-12, 12)
         whole.set_ylim(-2.5, 12)
         whole.set_title(f"{title}: ‖u − Mu‖/‖u‖ = {found[key]:.1e}", fontsize=11)

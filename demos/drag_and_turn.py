@@ -90,10 +90,8 @@ facet_tags = meshes.tag_facets(
 
 V = vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-G, lmbda = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
-gradient = ufl.Identity(3) + ufl.grad(u)
-J = ufl.det(gradient)
-psi = G / 2 * (ufl.tr(gradient.T * gradient) - 3 - 2 * ufl.ln(J)) + lmbda / 2 * ufl.ln(J) ** 2
+gradient = dc.materials.deformation_gradient(u)
+psi = dc.materials.neo_hookean(gradient, *dc.materials.lame(E, nu))
 stored = psi * ufl.dx(mesh, metadata={"quadrature_degree": 2})
 F = ufl.derivative(stored, u, w)
 plate = fem.Function(V)

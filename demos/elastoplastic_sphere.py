@@ -27,13 +27,12 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import dof_list, function_space, vector_space
+from dolfinx_contact.compat import function_space, vector_space
 from dolfinx_contact.plasticity import J2, Linear
 
 parser = argparse.ArgumentParser()
@@ -166,14 +165,10 @@ class Model:
         return -comm.allreduce(u[at, 1].min(initial=np.inf), op=MPI.MIN)
 
     def picture(self):
-        """Outlines of the deformed cells and their mean plastic strains, on rank 0."""
-        V, law = self.u.function_space, self.law
-        local = V.mesh.topology.index_map(2).size_local
-        around = dof_list(V)[:local][:, [0, 1, 3, 2]]
-        place = V.tabulate_dof_coordinates()[:, :2] + self.u.x.array.reshape(-1, 2)
-        strain = law.values(law.plastic_strain).reshape(local, -1).mean(axis=1)
-        parts = comm.gather((place[around], strain), root=0)
-        return None if parts is None else [np.concatenate(part) for part in zip(*parts)]
+        """The deformed body and the mean plastic strain of each cell, on rank 0."""
+        law, cells = self.law, self.u.function_space.mesh.topology.index_map(2).size_local
+        strain = law.values(law.plastic_strain).reshape(cells, -1).mean(axis=1)
+        return dc.plot.gather_bodies(self.u, strain)
 
 
 # -- loading on meshes of halved size -----------------------------------------------------------------
@@ -224,16 +219,12 @@ if comm.rank == 0:
     figure = Figure(figsize=(11, 6.4), constrained_layout=True)
     axes = figure.subplot_mosaic([["sphere", "force"], ["sphere", "log"]], width_ratios=(1.2, 1))
     left, force, log = axes["sphere"], axes["force"], axes["log"]
-    cells, strain = pressed
-    for side in (1, -1):
-        drawn = PolyCollection(cells * (side, 1), array=strain, cmap="viridis", ec="k", lw=0.1)
-        left.add_collection(drawn)
+    label, title = "plastic strain, mean of each cell", f"Pressed by {DEPTHS[-1]:g} mm"
+    dc.plot.bodies([pressed, pressed.mirrored()], title=title, label=label, axes=left)
     left.axhline(R - DEPTHS[-1], color="0.3", lw=2)
     angle = np.linspace(-np.pi / 2, np.pi / 2, 200)
     left.plot(R * np.sin(angle), R * np.cos(angle), color="0.5", ls=":", lw=1)
     left.set(xlim=(-56, 56), ylim=(-2, 56), aspect="equal", xlabel="r [mm]", ylabel="z [mm]")
-    left.set_title(f"Pressed by {DEPTHS[-1]:g} mm")
-    figure.colorbar(drawn, ax=left, location="bottom", label="plastic strain, mean of each cell")
     d = np.geomspace(yield_depth / 4, DEPTHS[-1], 100)
     for ax, mute in ((force, "_"), (log, "")):  # labels that begin with _ are in no legend
         for n, style in zip(sizes, ("C1^", "C2s", "C0o")):

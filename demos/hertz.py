@@ -33,7 +33,6 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
@@ -102,17 +101,10 @@ class Model:
         )
         V = vector_space(mesh, degree)
         self.u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-        r = ufl.SpatialCoordinate(mesh)[0]
-
-        def strain(v):
-            g = ufl.sym(ufl.grad(v))
-            return ufl.as_matrix([[g[0, 0], g[0, 1], 0], [g[1, 0], g[1, 1], 0], [0, 0, v[0] / r]])
-
-        mu, lmbda = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
-        e = strain(self.u)
-        stress = 2 * mu * e + lmbda * ufl.tr(e) * ufl.Identity(3)
+        psi = dc.materials.small_strain(self.u, *dc.materials.lame(E, nu), "axisymmetric")
+        r = dc.materials.radius(self.u)
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2 * degree})
-        self.F = 2 * np.pi * ufl.inner(stress, strain(w)) * r * dx
+        self.F = ufl.derivative(2 * np.pi * r * psi * dx, self.u, w)
 
         self.bcs, self.values = [], {}
         for component, tag in ((0, AXIS), (1, TOP), (1, BOTTOM)):
@@ -259,8 +251,8 @@ if comm.rank == 0:
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.5))
     body, x, u = drawn
     for number, colour in ((0, "lightsteelblue"), (1, "wheat")):
-        cells = (x + u)[body == number]
-        left.add_collection(PolyCollection(cells, fc=colour, ec="0.3", lw=0.4))
+        cells = dc.plot.Shapes([(x + u)[body == number]])
+        dc.plot.bodies(cells, color=colour, axes=left)
     left.plot(0, 0, "k.")
     left.annotate("A", (0, 0), (-4.5, -1.5))
     left.set(xlim=(-6, 54), ylim=(-51, 51), aspect="equal", xlabel="r", ylabel="y")

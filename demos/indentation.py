@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
@@ -84,10 +83,8 @@ depth, load, area, iterations = np.array(rows).T
 # -- picture and assertions ---------------------------------------------------------------------------
 
 cells = mesh.topology.index_map(2).size_local
-dofs = np.array([V.dofmap.cell_dofs(c)[:4] for c in range(cells)], dtype=int).reshape(-1, 4)
-x = V.tabulate_dof_coordinates()[:, :2] + u.x.array.reshape(-1, 2)
 strain = steel.values(steel.plastic_strain).reshape(cells, -1).mean(axis=1)
-parts = comm.gather((x[dofs][:, [0, 1, 3, 2]], strain), root=0)
+imprint = dc.plot.gather_bodies(u, strain)
 
 if comm.rank == 0:
     hertz = 4 / 3 * E / (1 - nu**2) * np.sqrt(R) * np.maximum(depth, 0) ** 1.5
@@ -100,22 +97,16 @@ if comm.rank == 0:
     )
     figure = Figure(figsize=(10, 4.2), constrained_layout=True)
     left, right = figure.subplots(1, 2)
-    shapes, ep = (np.concatenate(part) for part in zip(*parts))
-    polygons = PolyCollection(shapes, array=ep, cmap="viridis", edgecolor="k", linewidth=0.2)
-    left.add_collection(polygons)
-    figure.colorbar(polygons, ax=left, label="plastic strain")
+    title = "The imprint after unloading"
+    dc.plot.bodies(imprint, title=title, label="plastic strain", axes=left)
     angle = np.linspace(0, 0.5, 50)
     left.plot(R * np.sin(angle), R - depth[-1] - R * np.cos(angle), "k")
     left.set_xlim(0, 2.2)
     left.set_ylim(-1.5, 0.5)
-    left.set_aspect("equal")
-    left.set_title("The imprint after unloading")
-    right.plot(depth, load, ".-", label="loaded and unloaded")
+    curve = {"loaded and unloaded": load}
+    dc.plot.history(depth, curve, xlabel="depth of the ball [mm]", ylabel="force [N]", axes=right)
     right.plot(depth[: top + 1], hertz[: top + 1], "k--", linewidth=0.8, label="Hertz, elastic")
     right.set_ylim(0, 1.1 * LOAD)
-    right.set_xlabel("depth of the ball [mm]")
-    right.set_ylabel("force [N]")
-    right.grid(alpha=0.3)
     right.legend()
     file = Path(__file__).parent / "pictures" / "indentation.png"
     file.parent.mkdir(exist_ok=True)

@@ -17,7 +17,10 @@ The demo goes the way twice, the second time in steps of half the length, and dr
 Run it with `python3 demos/ironing.py`, alone or under mpirun. `--slab` sets the facets along the
 slab, `--step` the longer increment of both motions (the benchmark's own increments are 0.1 down and
 0.02 aside), `--way` the length of the slide. An increment of 1 is longer than the contact: where
-Newton fails, the step is cut. `--rule` chooses the integration. It writes demos/pictures/ironing.png.
+Newton fails, the step is cut. `--rule` chooses the integration. With `--checkpoint FILE` each step is
+saved, and after an interruption the same command and `--resume` go on, on any number of ranks. It writes
+demos/pictures/ironing.png, and of the second way, in demos/output/ironing, the .xdmf files for ParaView
+and a table of forces.
 """
 
 import argparse
@@ -40,9 +43,12 @@ parser.add_argument("--step", type=float, default=0.2, help="longer increment [m
 parser.add_argument("--way", type=float, default=10.0, help="length of the slide [mm]")
 RULES = {"simpson1": dc.Simpson(1), "simpson2": dc.Simpson(2), "segments": dc.Segments()}
 parser.add_argument("--rule", choices=RULES, default="simpson1", help="contact integration")
+parser.add_argument("--checkpoint", help="file to save each step in")
+parser.add_argument("--resume", action="store_true", help="go on from the checkpoint")
 args = parser.parse_args()
 
 comm = MPI.COMM_WORLD
+here = Path(__file__).parent
 E, nu, mu = 689.6, 0.32, 0.3  # MPa: forces are in N, for 1 mm of thickness
 SLAVE, MASTER, TOP, BOTTOM = 5, 6, 1, 2
 
@@ -81,12 +87,10 @@ facet_tags = meshes.tag_facets(
 
 V = vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-stiffness = fem.Function(function_space(mesh, ("DG", 0)))
+stiffness = fem.Function(function_space(mesh, ("DG", 0)), name="stiffness")
 stiffness.x.array[:] = np.where(body == 0, 10.0, 1.0)
-G, lmbda = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
-gradient = ufl.Identity(2) + ufl.grad(u)
-J = ufl.det(gradient)
-psi = G / 2 * (ufl.tr(gradient.T * gradient) - 2 - 2 * ufl.ln(J)) + lmbda / 2 * ufl.ln(J) ** 2
+gradient = dc.materials.deformation_gradient(u)
+psi = dc.materials.neo_hookean(gradient, *dc.materials.lame(E, nu))
 stored = stiffness * psi * ufl.dx(mesh, metadata={"quadrature_degree": 2})
 F = ufl.derivative(stored, u, w)
 plate = fem.Function(V)
@@ -103,24 +107,42 @@ def place(x, y):
     plate.interpolate(lambda X: np.array([np.full_like(X[0], x), np.full_like(X[0], y)]))
 
 
-def iron(increment):
-    """Go the way. Columns: x, y, horizontal and vertical force, work, energy, iterations, cuts."""
+def iron(increment, before, saved, folder=None):
+    """Go the way, and write it to a folder. Columns: x, y, horizontal and vertical force, work, energy,
+    iterations, cuts.
+
+    `before`: results of a way that is done; `saved`: arrays of a checkpoint of this way, or None.
+    """
     u.x.array[:] = 0
     slave, master = dc.Surface(u, facet_tags, SLAVE), dc.Surface(u, facet_tags, MASTER)
     pair = dc.ContactPair(slave, master, friction=mu, integration=RULES[args.rule])
     problem = dc.ContactProblem(F, u, [pair], bcs=bcs)
     inside = form(stored)
+    if folder is not None:
+        reached = np.abs(saved["rows"][-1][:2]).sum() if saved else None
+        writer = dc.Writer(folder, u, pair, fields=[stiffness], resume=reached)
+        table = dc.Table(folder / "forces.csv", resume=reached)
     rows = [np.zeros(8)]
+    # 1 down, then aside
     for leg, end in enumerate((1.0, args.way)):
+        if saved and leg < saved["leg"]:
+            continue
         apply = (lambda t: place(0, -t)) if leg == 0 else (lambda t: place(t, -1))
         first = min(increment, 0.1) if leg == 0 else min(increment, end)
-        for step in dc.LoadStepping(problem, apply, end=end, step=first, progress=False):
+        steps = dc.LoadStepping(problem, apply, end=end, step=first, progress=False)
+        if saved and leg == saved["leg"]:
+            rows = list(steps.load(args.checkpoint)["rows"])
+        for step in steps:
             at = np.array([0, -step.time] if leg == 0 else [step.time, -1])
             # the top pushes with what the slab's contact takes up, by the trapezoidal rule
             force = -pair.resultant()
             work = rows[-1][4] + 0.5 * (force + rows[-1][2:4]) @ (at - rows[-1][:2])
             energy = assemble_scalar(comm, inside) + pair.dissipated_energy()
             rows.append(np.array([*at, *force, work, energy, step.report.iterations, step.failed]))
+            if folder is not None:
+                way = leg + step.time
+                writer.write(way)
+                table.write(way=way, force=force, work=work, energy=energy)
             if comm.rank == 0:
                 print(
                     "{:7.4f} {:7.4f}   H {:8.3f}  V {:8.3f}   work {:9.3f}, stored and dissipated"
@@ -129,6 +151,8 @@ def iron(increment):
                     ),
                     flush=True,
                 )
+            if args.checkpoint:
+                steps.save(args.checkpoint, rows=rows, leg=leg, **before)
     return np.array(rows)
 
 
@@ -141,7 +165,12 @@ def gather_cells():
     return None if parts is None else [np.concatenate(column) for column in zip(*parts)]
 
 
-ways = [iron(args.step), iron(args.step / 2)]
+saved = dc.checkpoint.arrays(args.checkpoint, comm) if args.resume else None
+ways = [saved["first"]] if saved and "first" in saved else []
+while len(ways) < 2:
+    done, folder = ({"first": ways[0]}, here / "output" / "ironing") if ways else ({}, None)
+    ways.append(iron(args.step / (1 + len(ways)), done, saved, folder))
+    saved = None
 cells = gather_cells()
 
 # -- picture and assertions ---------------------------------------------------------------------------
@@ -174,7 +203,7 @@ if comm.rank == 0:
     energies.set_xlabel("way of the indenter: 1 down, then aside [mm]")
     for axes in (forces, energies):
         axes.grid(alpha=0.3)
-    file = Path(__file__).parent / "pictures" / "ironing.png"
+    file = here / "pictures" / "ironing.png"
     file.parent.mkdir(exist_ok=True)
     figure.savefig(file, dpi=110)
     print("picture:", file)

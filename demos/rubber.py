@@ -37,7 +37,6 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from mpi4py import MPI
@@ -86,10 +85,8 @@ class Block:
         V, Q = compat.vector_space(mesh, degree), compat.function_space(mesh, ("DPC", 1))
         u, p = fem.Function(V, name="displacement"), fem.Function(Q, name="pressure")
 
-        r, g = ufl.SpatialCoordinate(mesh)[0], ufl.grad(u)
-        stretch = ufl.as_matrix(
-            [[1 + g[0, 0], g[0, 1], 0], [g[1, 0], 1 + g[1, 1], 0], [0, 0, 1 + u[0] / r]]
-        )
+        stretch = dc.materials.deformation_gradient(u, "axisymmetric")
+        r = dc.materials.radius(u)
         J, square = ufl.det(stretch), ufl.inner(stretch, stretch)
         ratio = nu if mixed else min(nu, 0.4999)
         mu = E / 2 / (1 + ratio)
@@ -194,24 +191,23 @@ if comm.rank == 0:
     figure = Figure(figsize=(13, 5), constrained_layout=True)
     left, right = figure.subplots(1, 2, width_ratios=[1.15, 1])
     # both halves; colours end where the singular edge of the floor would rule them
-    corners, p = squares[:, :, :2], squares[:, :, 2].mean(axis=1)
-    polygons = np.concatenate([corners, corners * (-1, 1)])
-    limits = np.percentile(p, (2, 99.5))
-    cells = PolyCollection(polygons, array=np.tile(p, 2), cmap="viridis", edgecolor="face")
-    cells.set_clim(*limits)
-    cells.set_linewidth(0.2)
-    left.add_collection(cells)
+    p = squares[:, :, 2].mean(axis=1)
+    half = dc.plot.Shapes([squares[:, :, :2]], p)
+    dc.plot.bodies(
+        [half, half.mirrored()],
+        title=f"Mixed model, {n} cells, ν = {nu}; particles that touch in red",
+        label="mean pressure [MPa]",
+        clim=tuple(np.percentile(p, (2, 99.5))),
+        edges=False,
+        axes=left,
+    )
     left.add_patch(Circle((0, height + R - depth), R, facecolor="0.85", edgecolor="0.4"))
     touching = pressed.position[pressed.status != "open"]
     for side in (-1, 1):
         left.plot(side * touching[:, 0], touching[:, 1], ".", color="tab:red", markersize=2)
     left.set_xlim(-14, 14)
     left.set_ylim(-0.5, 14)
-    left.set_aspect("equal")
-    left.set_xlabel("r [mm]")
-    left.set_ylabel("z [mm]")
-    figure.colorbar(cells, ax=left, label="mean pressure [MPa]", extend="both", shrink=0.8)
-    left.set_title(f"Mixed model, {n} cells, ν = {nu}; particles that touch in red")
+    left.set(xlabel="r [mm]", ylabel="z [mm]")
     marks = ("o", "-", "x", "--", "-.")
     for mark, (name, curve) in zip(marks, curves.items()):
         right.plot(*curve.T, mark, label=name, markersize=4, fillstyle="none")

@@ -14,8 +14,9 @@ thins most at the pole; with friction beside it, and there it necks after the fo
 
 Run it with `python3 demos/sheet.py`, alone or under mpirun. `--facets` and `--layers` set the mesh,
 `--step` the longest step, `--travel` how far the punch goes. `--quarter N` calculates a quarter of the
-sheet in 3D, with N × N hexahedra and friction, up to the travel, and compares the force. It writes
-demos/pictures/sheet.png.
+sheet in 3D, with N × N hexahedra and friction, up to the travel, and compares the force. With
+`--checkpoint FILE` each step is saved, and after an interruption the same command and `--resume` go on, on
+any number of ranks. It writes demos/pictures/sheet.png.
 """
 
 import argparse
@@ -40,6 +41,8 @@ parser.add_argument("--travel", type=float, default=40.0, help="of the punch [mm
 parser.add_argument(
     "--quarter", type=int, default=0, help="elements along a quarter's side; 0: none"
 )
+parser.add_argument("--checkpoint", help="file to save each step in")
+parser.add_argument("--resume", action="store_true", help="go on from the checkpoint")
 args = parser.parse_args()
 
 comm = MPI.COMM_WORLD
@@ -48,12 +51,22 @@ UPPER, LOWER, AXIS, EDGE = 5, 6, 1, 2
 MATERIAL = dict(E=69004.0, nu=0.3, hardening=plasticity.Swift(K=589, eps0=1e-4, n=0.216))
 REFERENCE = {0.3: {20: 30.3, 30: 59.0}, 0.0: {20: 28.9, 30: 53.3}}  # kN
 STOPS = sorted({t for t in (5, 10, 20, 30, 40) if t < args.travel} | {args.travel})
+# results of the runs, by name: all that is drawn and saved. A checkpoint is of the last run in it.
+kept = dc.checkpoint.arrays(args.checkpoint, comm) if args.resume else {}
+begun = [name for name in ("friction", "frictionless", "quarter") if f"{name} rows" in kept]
 
 
-def drive(problem, punch, down):
-    """The accepted steps of the punch's way, which stops at STOPS."""
+def drive(name, problem, punch, down, columns):
+    """The accepted steps of the punch's way, which stops at STOPS. The user appends `columns` to the
+    run's rows, of which the first is the travel; then the step is saved."""
+    if name in begun[:-1]:
+        return  # it was finished
+    before = kept.setdefault(f"{name} rows", np.zeros((1, columns)))[-1, 0]
     begin = 0.0
     for end in STOPS:
+        if end < before:
+            begin = end
+            continue
         travel = lambda t: begin + t
         stepping = dc.LoadStepping(
             problem,
@@ -63,16 +76,25 @@ def drive(problem, punch, down):
             min_step=1e-3,
             progress=False,
         )
+        if before > 0:
+            stepping.load(args.checkpoint)
+            before = 0
         for step in stepping:
             yield travel(step.time), step
+            if args.checkpoint:
+                stepping.save(args.checkpoint, **kept)
         begin = end
+
+
+def add(name, *row):
+    kept[f"{name} rows"] = np.vstack([kept[f"{name} rows"], row])
 
 
 class Axisymmetric:
     """The sheet in its (r, y) plane."""
 
-    def __init__(self, mu):
-        self.mu, n = mu, args.facets
+    def __init__(self, name, mu):
+        self.name, self.mu, n = name, mu, args.facets
         mesh, _ = meshes.create(comm, [meshes.grid((n, args.layers), (0, 0), (R0, 1))])
         tags = meshes.tag_facets(
             mesh,
@@ -105,20 +127,24 @@ class Axisymmetric:
 
     def run(self):
         """Rows (travel, punch force, die force [N], iterations) of the steps, pictures at STOPS."""
-        self.rows, self.shapes = [(0.0, 0.0, 0.0, 0)], {}
-        for travel, step in drive(self.problem, self.punch, np.array([0, -1.0])):
+        for travel, step in drive(self.name, self.problem, self.punch, np.array([0, -1.0]), 4):
             forces = self.punch.force()[1], -self.die.force()[1]
-            self.rows.append((travel, *forces, step.report.iterations))
+            add(self.name, travel, *forces, step.report.iterations)
             if travel in STOPS:
                 self.check_balance(*forces)
                 self.check_volume()
-                self.shapes[travel] = self.shape(), self.strains()
+                for what in ("cells", "plastic", "strains"):
+                    kept[f"{self.name} {what} {travel:g}"] = getattr(self, what)()
                 if comm.rank == 0:
                     print(
                         f"μ = {self.mu}: travel {travel:g}, punch force {forces[0] / 1e3:.2f} kN"
                     )
-        self.rows = np.array(self.rows)
+        self.rows = kept[f"{self.name} rows"]
         return self
+
+    def at(self, what, travel):
+        """What was kept at a stop."""
+        return kept[f"{self.name} {what} {travel:g}"]
 
     def check_balance(self, punch, die):
         """The punch's force is the die's and the clamp's: what the clamp's nodes carry, less the
@@ -162,15 +188,21 @@ class Axisymmetric:
         mean = [np.bincount(at, column) / np.bincount(at) for column in table[:, 1:].T]
         return np.column_stack([r, *mean])
 
-    def shape(self):
-        """Deformed cells and their mean plastic strain, on rank 0."""
+    def cells(self):
+        """Corners of the deformed cells, on rank 0."""
         cells = self.mesh.topology.index_map(2).size_local
         dofs = [self.V.dofmap.cell_dofs(c)[:4] for c in range(cells)]  # of the corners
         dofs = np.array(dofs, dtype=int).reshape(-1, 4)
         x = self.V.tabulate_dof_coordinates()[:, :2] + self.u.x.array.reshape(-1, 2)
+        parts = comm.gather(x[dofs][:, [0, 1, 3, 2]], root=0)
+        return None if comm.rank else np.concatenate(parts)
+
+    def plastic(self):
+        """Mean plastic strain of the cells, on rank 0."""
+        cells = self.mesh.topology.index_map(2).size_local
         strain = self.sheet.values(self.sheet.plastic_strain).reshape(cells, -1).mean(axis=1)
-        parts = comm.gather((x[dofs][:, [0, 1, 3, 2]], strain), root=0)
-        return None if comm.rank else [np.concatenate(part) for part in zip(*parts)]
+        parts = comm.gather(strain, root=0)
+        return None if comm.rank else np.concatenate(parts)
 
 
 def quarter(n):
@@ -218,19 +250,20 @@ def quarter(n):
         for tag, tool in ((UPPER, punch), (LOWER, die))
     ]
     problem = dc.ContactProblem(sheet.work(w), u, pairs, bcs=bcs, materials=[sheet])
-    rows = [(0.0, 0.0)]
-    for travel, step in drive(problem, punch, -up):
-        rows.append((travel, 4 * punch.force()[2]))
+    for travel, step in drive("quarter", problem, punch, -up, 2):
+        force = 4 * punch.force()[2]
+        add("quarter", travel, force)
         if comm.rank == 0:
             print(
-                f"quarter: travel {travel:.3f}, punch force {rows[-1][1] / 1e3:.2f} kN,"
+                f"quarter: travel {travel:.3f}, punch force {force / 1e3:.2f} kN,"
                 f" {step.report.iterations} iterations",
                 flush=True,
             )
-    return np.array(rows)
+    return kept["quarter rows"]
 
 
-with_friction, without = Axisymmetric(0.3).run(), Axisymmetric(0.0).run()
+with_friction = Axisymmetric("friction", 0.3).run()
+without = Axisymmetric("frictionless", 0.0).run()
 solid = quarter(args.quarter) if args.quarter else None
 
 # -- picture and assertions ---------------------------------------------------------------------------
@@ -238,7 +271,7 @@ solid = quarter(args.quarter) if args.quarter else None
 
 def peak(run, travel):
     """Initial radius at which the meridional strain is largest, without the element at the axis."""
-    r, strain = run.shapes[travel][1][:, :2].T
+    r, strain = run.at("strains", travel)[:, :2].T
     return r[np.argmax(np.where(r > R0 / args.facets, strain, -1))]
 
 
@@ -247,7 +280,7 @@ if comm.rank == 0:
     (first, second), (force, strain) = figure.subplots(2, 2)
     shown = [STOPS[-min(len(STOPS), k)] for k in (2, 1)]
     for axes, travel in zip((first, second), shown):
-        cells, ep = with_friction.shapes[travel][0]
+        cells, ep = with_friction.at("cells", travel), with_friction.at("plastic", travel)
         for sign in (-1, 1):
             polygons = PolyCollection(
                 cells * [sign, 1], array=ep, cmap="viridis", edgecolor="face"
@@ -270,7 +303,7 @@ if comm.rank == 0:
         if points:
             force.plot(*np.array(points).T, "k+", markersize=10)
         for travel, style in zip(STOPS[1:], (":", "-.", "--", "-", "-")):
-            r, meridional, hoop = run.shapes[travel][1].T
+            r, meridional, hoop = run.at("strains", travel).T
             if run is with_friction:
                 strain.plot(r, meridional, "C3" + style, label=f"meridional, travel {travel:g}")
                 strain.plot(r, hoop, "C2" + style)

@@ -55,16 +55,9 @@ def forces(n: int, curved: bool) -> np.ndarray:
 
     V = vector_space(mesh, 2)
     u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-    r = ufl.SpatialCoordinate(mesh)[0]
-
-    def strain(v):
-        g = ufl.sym(ufl.grad(v))
-        return ufl.as_matrix([[g[0, 0], g[0, 1], 0], [g[1, 0], g[1, 1], 0], [0, 0, v[0] / r]])
-
-    mu, lmbda = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
-    stress = 2 * mu * strain(u) + lmbda * ufl.tr(strain(u)) * ufl.Identity(3)
+    psi = dc.materials.small_strain(u, *dc.materials.lame(E, nu), "axisymmetric")
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 6})
-    F = 2 * np.pi * ufl.inner(stress, strain(w)) * r * dx
+    F = ufl.derivative(2 * np.pi * dc.materials.radius(u) * psi * dx, u, w)
 
     bcs, values = [], []
     for component, tag in ((0, 3), (1, 1), (1, 2)):  # axis, top, bottom

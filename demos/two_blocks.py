@@ -14,7 +14,8 @@ n-Simpson divides each facet into 2ⁿ parts. Segments divide it where the maste
 integrals are exact, and the pressure is uniform to round-off.
 
 Run it with `make demo`, or `python3 demos/two_blocks.py` once the package is installed, alone or
-under mpirun. It writes demos/pictures/two_blocks.png.
+under mpirun. It writes demos/pictures/two_blocks.png, and in demos/output/two_blocks a table of
+the rules, rules.csv, and for each of them a folder of .xdmf files for ParaView.
 """
 
 from pathlib import Path
@@ -32,6 +33,7 @@ from dolfinx_contact.compat import vector_space
 E, U0 = 1e7, 0.024
 exact = 0.5 * E * U0
 comm = MPI.COMM_WORLD
+here = Path(__file__).parent
 
 # -- the two bodies: one mesh, whose blocks share no nodes -------------------------------------------
 
@@ -83,6 +85,7 @@ rules = {
 }
 expected = {"nodes": 0.118, "0-Simpson": 0.0835, "1-Simpson": 0.0328, "2-Simpson": 0.0099}
 curves = {}
+table = dc.Table(here / "output" / "two_blocks" / "rules.csv")
 if comm.rank == 0:
     print("rule        (max − min)/mean   mean pressure    Newton iterations")
 for name, rule in rules.items():
@@ -97,6 +100,8 @@ for name, rule in rules.items():
     report = problem.solve()
 
     force = pair.resultant()
+    dc.Writer(here / "output" / "two_blocks" / name, u, pair).write(U0)
+    table.write(rule=name, force=force, area=pair.contact_area(), iterations=report.iterations)
     curve = dc.plot.gather_pressure(pair)  # on rank 0
     if curve is not None:
         x, p = curve[0][:, :, 0].ravel(), curve[1].ravel()
@@ -124,7 +129,7 @@ if comm.rank == 0:
     axes.set_title("Two blocks, 11 slave and 8 master facets: pressure by integration rule")
     axes.grid(alpha=0.3)
     axes.legend(ncol=3, fontsize=9)
-    file = Path(__file__).parent / "pictures" / "two_blocks.png"
+    file = here / "pictures" / "two_blocks.png"
     file.parent.mkdir(exist_ok=True)
     figure.savefig(file, dpi=130)
     print("picture:", file)

@@ -18,8 +18,9 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
         " unset PETSC_DIR)."
     )
 
-from . import infsup, meshes, plasticity, solvers
+from . import checkpoint, infsup, materials, meshes, plasticity, solvers
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
+from .output import Writer
 from .pair import ContactPair, Particles
 from .partition import repartition
 from .problem import ContactProblem
@@ -40,6 +41,7 @@ from .rules import (
 from .stepping import LoadStepping, Step
 from .strategy import FixedPoint, Newton
 from .surface import Surface
+from .table import Table
 from .tools import (
     RigidComposite,
     RigidCylinder,
@@ -88,8 +90,12 @@ __all__ = [
     "Smooth",
     "Step",
     "Surface",
+    "Table",
     "UnheldError",
+    "Writer",
+    "checkpoint",
     "infsup",
+    "materials",
     "meshes",
     "plasticity",
     "plot",

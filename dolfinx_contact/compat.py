@@ -229,13 +229,7 @@ def vector_space(mesh: _mesh.Mesh, degree: int) -> Any:
 
 def lagrange_degree(V: Any) -> int | None:
     """Degree of a continuous Lagrange space, scalar or blocked; None for any other space."""
-    element = V.ufl_element()
-    subs = element.sub_elements
-    subs = list(subs() if callable(subs) else subs)
-    if subs:
-        if any(sub != subs[0] for sub in subs[1:]):
-            return None
-        element = subs[0]
+    element = _scalar_element(V)
     if hasattr(element, "basix_element"):
         element = element.basix_element
         name = str(element.family).split(".")[-1]
@@ -243,6 +237,24 @@ def lagrange_degree(V: Any) -> int | None:
     if not hasattr(element, "family") or element.family() not in ("Lagrange", "Q"):
         return None
     return element.degree()
+
+
+def is_quadrature(V: Any) -> bool:
+    """Whether a space, scalar or blocked, has values at quadrature points."""
+    element = _scalar_element(V)
+    if type(element).__name__ == "_QuadratureElement":
+        return True
+    return _OLD and element is not None and element.family() == "Quadrature"
+
+
+def _scalar_element(V: Any) -> Any:
+    """Element of a space's components; None if they have different ones."""
+    element = V.ufl_element()
+    subs = element.sub_elements
+    subs = list(subs() if callable(subs) else subs)
+    if any(sub != subs[0] for sub in subs[1:]):
+        return None
+    return subs[0] if subs else element
 
 
 def value_shape(V: Any) -> tuple[int, ...]:

@@ -256,6 +256,28 @@ class PairAssembly:
         elif self._facets.fetched:
             self.assembler.remember(self._slave_values(slave), self._master_values(master))
 
+    @property
+    def tangents(self) -> npt.NDArray[np.float64] | None:
+        """Tangents of friction in the last accepted step, (local nodes, dim − 1, dim)."""
+        return None if self._friction is None else self._friction.accepted
+
+    def resume(self, particles: dict[str, Any], tangents: Any, dissipated: float) -> None:
+        """Go on from an accepted step of another run; unknowns and tools are in place. Collective.
+
+        Args:
+            particles: columns of Assembler.particles, in the order of the facets
+            tangents: of friction, those of this rank's own nodes; None without friction
+            dissipated: by friction, this rank's part
+        """
+        with together(self._comm, "contact set-up"):
+            self.assembler.resume(particles, dissipated)
+        self.remember()
+        if self._friction is not None:
+            self._friction.resume(tangents)
+        self._ringed_slave.displace(self._slave_values())
+        x = self._ringed_slave.x[: len(self._own)]
+        self.pair._keep(self, dict(particles), x, dissipated)
+
     def begin_step(self) -> None:
         """A step begins: forget the status changes of the last one, choose the tangents of friction.
         Collective."""

@@ -44,6 +44,21 @@ class FrictionUnknowns:
         """The present tangents are those of an accepted step: the next ones follow them."""
         self._accepted = self.tangents
 
+    @property
+    def accepted(self) -> npt.NDArray[np.float64] | None:
+        """Tangents of the last accepted step, (local nodes, dim − 1, dim)."""
+        return self._accepted
+
+    def resume(self, tangents: npt.NDArray[np.float64]) -> None:
+        """Tangents of the last accepted step, of this rank's own nodes. Collective."""
+        dim = self._pair.slave.dim
+        table = self._vectors.x.array.reshape(-1, dim)
+        self._accepted = np.empty((len(table), dim - 1, dim))
+        for i in range(dim - 1):
+            table[: len(tangents)] = tangents[:, i]
+            self._vectors.x.scatter_forward()
+            self._accepted[:, i] = table
+
     def choose(
         self, normals: npt.NDArray[np.float64], free: npt.NDArray[np.bool_]
     ) -> npt.NDArray[np.float64]:

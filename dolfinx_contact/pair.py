@@ -286,11 +286,15 @@ class ContactPair:
         """Keep the present solution. A later solve that fails moves the assembler's surfaces, so
         that results must not be asked from it."""
         assembler = contact.assembler
+        x = assembler.slave.x[: assembler.own]
+        self._keep(contact, assembler.particles(), x, assembler.dissipated())
+
+    def _keep(self, contact: Any, table: dict[str, Any], slave: Any, dissipated: float) -> None:
+        """Keep a solution: columns of the particles, positions of the slave's position nodes."""
         self.pressure.x.array[:] = 0.0 - self._multiplier.x.array
-        table = assembler.particles()
         table["tool"] = contact.tool_of_piece[table["piece"]]  # the last one is −1, none
-        self._accepted = {**table, "slave": assembler.slave.x[: assembler.own]}
-        self._dissipated = assembler.dissipated()
+        self._accepted = {**table, "slave": slave}
+        self._dissipated = dissipated
         if self.frictional:
             table = self._accepted
             contact.friction_projection(table, _tangential(table), self.friction)

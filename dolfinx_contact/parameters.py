@@ -53,18 +53,26 @@ class Parameters:
         self.chosen = []
         for contact, stiffness in zip(self._contacts, self._stiffness):
             pair = contact.pair
-            rho_n = pair.rho_n or _RHO_N * stiffness
+            chosen = {"rho_n": pair.rho_n or _RHO_N * stiffness}
+            if pair.frictional:
+                size = contact.facet_size()
+                p = self._pressure(contact, stiffness) or 1e-6 * stiffness * size
+                mu, most = max(pair.coefficient, 0.1), _MOST_RHO_T[self._most] / size
+                rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), most)
+                chosen |= {"rho_t": rho_t, "pressure": p}
+                scale[contact.friction_block] = rho_t
             scale[contact.multiplier_block] = stiffness
+            self.chosen.append(chosen)
+        self._give(friction)
+
+    def _give(self, friction: bool = True) -> None:
+        """Give the chosen ones to the assemblers."""
+        for contact, stiffness, chosen in zip(self._contacts, self._stiffness, self.chosen):
+            pair, rho_n = contact.pair, chosen["rho_n"]
             if not pair.frictional:
                 contact.assembler.set_parameters(rho_n, stiffness)
-                self.chosen.append({"rho_n": rho_n})
                 continue
-            size = contact.facet_size()
-            p = self._pressure(contact, stiffness) or 1e-6 * stiffness * size
-            mu, most = max(pair.coefficient, 0.1), _MOST_RHO_T[self._most] / size
-            rho_t = pair.rho_t or min(_RHO_T * stiffness / (mu * p), most)
-            self.chosen.append({"rho_n": rho_n, "rho_t": rho_t, "pressure": p})
-            scale[contact.friction_block] = rho_t
+            mu, rho_t, p = max(pair.coefficient, 0.1), chosen["rho_t"], chosen["pressure"]
             contact.assembler.set_parameters(
                 rho_n,
                 stiffness,
@@ -74,6 +82,15 @@ class Parameters:
                 mu * p / rho_t,
                 1e-12 * p,
             )
+
+    def state(self) -> dict[str, Any]:
+        """What was measured and chosen, for ``set_state``."""
+        return {"stiffness": self._stiffness, "most": self._most, "chosen": self.chosen}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        self._stiffness, self._most = list(state["stiffness"]), state["most"]
+        self.chosen = [dict(chosen) for chosen in state["chosen"]]
+        self._give()
 
     def other_bound(self) -> None:
         """From now on take the other bound of ρ_τ."""

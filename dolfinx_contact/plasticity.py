@@ -144,6 +144,13 @@ class J2(QuadratureLaw):
 
     def commit(self) -> None:
         super().commit()
+        self._fill_results()
+
+    def set_state(self, columns: dict[str, Array]) -> None:
+        super().set_state(columns)
+        self._fill_results()
+
+    def _fill_results(self) -> None:
         ep, tau = self.law.ep, self.law.tau
         self.fill(self.plastic_strain, ep)
         volume = tau[:, :3].sum(axis=1) / (3 * self.lmbda + 2 * self.mu)
@@ -184,6 +191,14 @@ class _Points:
 
     def restore(self) -> None:
         self.cp[:], self.ep[:] = self._old
+
+    def state(self) -> list[Array]:
+        return [*self._old, self.tau]
+
+    def set_state(self, state: list[Array]) -> None:
+        *old, self.tau = (np.ascontiguousarray(a) for a in state)
+        self._old = tuple(old)
+        self.cp, self.ep = (a.copy() for a in old)
 
 
 def _blocks(c: Any) -> Any:

@@ -27,6 +27,7 @@ from .report import Report
 from .shapes import Shapes, gather_bodies, gather_friction, gather_pressure
 
 __all__ = [
+    "Shapes",
     "bodies",
     "convergence",
     "gather_bodies",
@@ -56,7 +57,8 @@ def bodies(
     """Draw deformed bodies, coloured by a field. Collective, unless polygons are given.
 
     Args:
-        shown: a displacement, a list of them, or what ``gather_bodies`` has returned
+        shown: a displacement, or what ``gather_bodies`` has returned (on other ranks than 0: None);
+            or a list of either
         file: picture to write; its ending chooses the format
         title: heading
         field: see gather_bodies
@@ -75,10 +77,12 @@ def bodies(
         ContactError: on all ranks, if the file cannot be written
     """
     comm = None
-    if shown is not None and not isinstance(shown, Shapes):
-        first = shown[0] if isinstance(shown, (list, tuple)) and shown else shown
+    listed = shown if isinstance(shown, (list, tuple)) else [shown]
+    if listed and all(isinstance(one, Shapes) for one in listed):
+        shown = Shapes.together(listed)
+    elif shown is not None:
         shown = gather_bodies(shown, field)
-        comm = first.function_space.mesh.comm
+        comm = listed[0].function_space.mesh.comm
 
     def draw(figure: Any, axes: Any) -> None:
         values = shown.values
@@ -91,7 +95,7 @@ def bodies(
             )
             axes = render.draw(figure, axes, shown.corners, colours[:, :3], edges)
         else:
-            line = dict(edgecolor="0.25", linewidth=0.25) if edges else dict(edgecolor="face")
+            line = dict(edgecolor="0.25", lw=0.25) if edges else dict(edgecolor="face", lw=0.2)
             cells = PolyCollection(shown.polygons, **line)
             if norm is None:
                 cells.set_facecolor(color)

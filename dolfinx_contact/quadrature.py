@@ -47,6 +47,19 @@ class Law(Protocol):
     def restore(self) -> None:
         """Back to the state of the last commit."""
 
+    # Two more for LoadStepping.save and load; other laws have no need of them.
+
+    def state(self) -> Sequence[Array]:
+        """The state of the last commit: arrays with one row a point, in axes that do not depend on
+        the mesh's numbering; none for a law without history."""
+
+    def set_state(self, state: Sequence[Array]) -> None:
+        """Go on from what ``state`` has returned, maybe in another run.
+
+        Args:
+            state: these arrays, of this rank's points
+        """
+
 
 class QuadratureLaw:
     """A law P(F) at the quadrature points, as a coefficient of UFL forms.
@@ -168,6 +181,41 @@ class QuadratureLaw:
         """Back to the last accepted state, and to its P."""
         self.law.restore()
         self._stress.x.array[:] = self._accepted
+        self._seen = None
+
+    def state(self) -> dict[str, Array]:
+        """Columns with one row for each of this rank's points: the last accepted state.
+
+        Raises:
+            InputError: if the law does not give it away
+        """
+        missing = [n for n in ("state", "set_state") if not hasattr(self.law, n)]
+        if missing:
+            raise InputError(
+                f"QuadratureLaw: a {type(self.law).__name__} cannot be saved, as it has no"
+                f" {' and no '.join(missing)}; give it both (see quadrature.Law)."
+            )
+        columns = {f"state{i}": np.asarray(a) for i, a in enumerate(self.law.state())}
+        for name, column in columns.items():
+            if len(column) != self.size:
+                raise InputError(
+                    f"QuadratureLaw: {name} of a {type(self.law).__name__} has {len(column)} rows for"
+                    f" {self.size} points; return one row for each point."
+                )
+        bs = self._stress.function_space.dofmap.index_map_bs
+        columns["stress"] = self._accepted.reshape(-1, bs)[self._dofs(self._stress)]
+        return columns
+
+    def set_state(self, columns: dict[str, Array]) -> None:
+        """Go on from what ``state`` has returned. Collective.
+
+        Args:
+            columns: these, one row for each of this rank's points
+        """
+        count = len(columns) - 1
+        self.law.set_state([columns[f"state{i}"] for i in range(count)])
+        self.fill(self._stress, columns["stress"])
+        self._accepted[:] = self._stress.x.array
         self._seen = None
 
     # -- derivatives ----------------------------------------------------------------------------

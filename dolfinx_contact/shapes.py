@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Sequence
 
 import basix
 import numpy as np
@@ -33,6 +33,28 @@ class Shapes:
     def polygons(self) -> list[npt.NDArray[np.float64]]:
         """All polygons, (corners, dim) each."""
         return [polygon for kind in self.corners for polygon in kind]
+
+    @classmethod
+    def together(cls, shapes: Sequence[Shapes]) -> Shapes:
+        """All of several, with values if each has them.
+
+        Args:
+            shapes: of one space
+        """
+        values = [one.values for one in shapes if one.values is not None]
+        corners = [kind for one in shapes for kind in one.corners]
+        return cls(corners, np.concatenate(values) if len(values) == len(shapes) else None)
+
+    def mirrored(self, axis: int = 0) -> Shapes:
+        """The polygons on the other side of the plane where coordinate ``axis`` is 0.
+
+        Args:
+            axis: number of the coordinate
+        """
+        corners = [kind.copy() for kind in self.corners]
+        for kind in corners:
+            kind[..., axis] *= -1
+        return Shapes(corners, self.values)
 
     @property
     def bounds(self) -> npt.NDArray[np.float64]:

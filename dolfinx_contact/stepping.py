@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Callable, Iterator
 
+import numpy as np
+import numpy.typing as npt
 from tqdm import tqdm
 
-from .errors import ConvergenceError, InputError
+from .checkpoint import Checkpoint, write
+from .errors import ConvergenceError, InputError, together
+from .history import History
 from .report import Report
 
 log = logging.getLogger("dolfinx_contact")
@@ -43,7 +47,8 @@ class LoadStepping:
     A step that fails is halved, and the problem is back at the last accepted step; after two steps
     that went well (at most 6 iterations), or four that went somehow, the next is 1.5 times as long,
     up to max_step. Each begins at displacements (and places of tools that forces drive) that
-    are extrapolated from the last two, unless a tool has just met its slave.
+    are extrapolated from the last two, unless a tool has just met its slave. ``save`` in the loop
+    writes a checkpoint, ``load`` before it goes on from there.
 
     Args:
         problem: a ContactProblem
@@ -89,18 +94,19 @@ class LoadStepping:
         self.time, self.steps = 0.0, list[Step]()
         # state one accepted step ago, and the length of that step
         self._before: tuple[list[Any], float] | None = None
+        self._ease = 0  # how well the last steps went
+        self._history: History | None = None  # for ``save`` and ``load``
 
     def __iter__(self) -> Iterator[Step]:
         hidden = not self._progress or self.problem.comm.rank > 0
-        ease = 0
         with tqdm(total=self.end, disable=hidden, bar_format=_BAR, initial=self.time) as bar:
             while self.end - self.time > 1e-12 * self.end:
                 step = self._advance()
-                ease += 2 if step.report.iterations <= _EASY else 1
+                self._ease += 2 if step.report.iterations <= _EASY else 1
                 if step.failed:
-                    ease = 0
-                if ease >= 4:
-                    self._next, ease = min(1.5 * self._next, self._max), 0
+                    self._ease = 0
+                if self._ease >= 4:
+                    self._next, self._ease = min(1.5 * self._next, self._max), 0
                 bar.update(step.length)
                 bar.set_postfix_str(
                     f"step {step.length:.3g}, {step.report.iterations} iterations", refresh=False
@@ -148,6 +154,88 @@ class LoadStepping:
         """Displacements and loads of the last accepted step."""
         self.problem.set_state(accepted)
         self._apply(self.time)
+
+    # -- checkpoints ----------------------------------------------------------------------------
+
+    def save(self, path: Any, **arrays: npt.ArrayLike) -> None:
+        """Write all that is needed to go on from the last accepted step to an HDF5 file. Collective.
+
+        A former file of this name stays until the new one is whole on the disk: whenever the run is
+        stopped, there is a checkpoint to go on from.
+
+        Args:
+            path: of the file
+            arrays: anything of your own, numbers; what rank 0 gives is kept
+
+        Raises:
+            InputError: on all ranks, if nothing is solved yet, for arrays that are no numbers,
+                unknowns that are no values at points, and laws at quadrature points without ``state``
+            ContactError: on all ranks, if the file cannot be written; the former one is as it was
+        """
+        with together(self.problem.comm, "LoadStepping.save"):
+            mine = {}
+            if self.problem.comm.rank == 0:
+                mine = {name: _numbers(name, value) for name, value in arrays.items()}
+        history = self._problem_history()
+        before, last = (None, None) if self._before is None else self._before
+        tables = history.tables(before)
+        figures = {
+            "time": self.time,
+            "next": self._next,
+            "shortest": self._shortest,
+            "ease": self._ease,
+            "last": last,
+            "steps": [asdict(step) for step in self.steps],
+            **history.figures(before),
+        }
+        write(self.problem.comm, path, figures, tables, mine)
+
+    def load(self, path: Any) -> dict[str, npt.NDArray[Any]]:
+        """Go on from a checkpoint, on any number of ranks. Collective.
+
+        The problem is made as it was in the run that has saved; its unknowns, pairs, materials and
+        tools are then as in the checkpoint, and ``apply`` is called with its t. Go on iterating: steps
+        and results are those of a run without a stop.
+
+        Args:
+            path: of a file that ``save`` has written
+
+        Returns:
+            the arrays that ``save`` was given, by name and of their shape
+
+        Raises:
+            InputError: on all ranks, if there is no such file, it is not whole, or of another mesh,
+                model or kind of pair; the problem is as it was
+        """
+        history = self._problem_history()
+        with Checkpoint(self.problem.comm, path) as file:
+            figures = file.figures
+            history.compare(path, figures["kinds"])
+            columns = history.read(file)
+        before = history.put(columns, figures)
+        self.steps = [Step(**{**s, "report": Report(**s["report"])}) for s in figures["steps"]]
+        self.time, self._shortest, self._ease = (
+            figures[name] for name in ("time", "shortest", "ease")
+        )
+        self._next = min(figures["next"], self._max)
+        self._before = None if before is None else (before, figures["last"])
+        self._apply(self.time)
+        return file.arrays
+
+    def _problem_history(self) -> History:
+        if self._history is None:
+            self._history = History(self.problem)
+        return self._history
+
+
+def _numbers(name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
+    """A user's array for a checkpoint."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "biufc":
+        raise InputError(
+            f"LoadStepping.save: {name} is of type {array.dtype}; give numbers, or arrays of them."
+        )
+    return array
 
 
 _BAR = "{l_bar}{bar}| t = {n:.4g} of {total:.4g} [{elapsed}<{remaining}] {postfix}"

@@ -77,6 +77,7 @@ class System:
             )
             for i, pair in enumerate(pairs)
         ]
+        self._measured = False  # the units and stiffnesses that follow
         self.scale = [1.0] * len(self.functions)  # units of the unknowns
         self._row_scale = [1.0] * len(self.u)
         self._displacements = list(range(len(self.u)))  # blocks with rows that are forces
@@ -409,9 +410,35 @@ class System:
         A.assemble()
         return A
 
+    def measured(self) -> dict[str, Any]:
+        """Units and stiffnesses as they were measured before the first step, for ``set_measured``:
+        on deformed bodies they would be others."""
+        return {
+            "scale": self.scale,
+            "row_scale": self._row_scale,
+            "displacements": self._displacements,
+            "round_off": self.round_off,
+            "driven": self.driven.stiffness,
+            "parameters": self.parameters.state(),
+        }
+
+    def set_measured(self, figures: dict[str, Any]) -> None:
+        """Measure no more, but take these."""
+        self.scale, self._row_scale = list(figures["scale"]), list(figures["row_scale"])
+        self._displacements = list(figures["displacements"])
+        self.round_off, self.driven.stiffness = figures["round_off"], figures["driven"]
+        self.parameters.set_state(figures["parameters"])
+        self._measured = True
+
     def create_matrix(self) -> None:
         """Make the matrix for the present targets, and find how stiff the bodies are. Collective."""
         self.A = self.new_matrix()
+        if not self._measured:
+            self._measure()
+
+    def _measure(self) -> None:
+        """Find units of the unknowns, and how stiff the bodies are. Collective."""
+        self._measured = True
         self._add_bulk(self.A, [])
         self.A.assemble()
         diagonal = self.A.getDiagonal().array.copy()

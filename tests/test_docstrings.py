@@ -25,7 +25,7 @@ Surface infsup.constant plasticity.J2 solvers.iterative""".split()
 # Numbers that have no unit say what they are by one of these words
 PURE = re.compile(
     r"\b(as for|coefficient|exponent|first step|fraction|last t|load parameter|longest step|number|"
-    r"rate|ratio|shorter|shortest step|strain|tolerance)\b|^of the step$",
+    r"rate|ratio|times up to|whose first column|shorter|shortest step|strain|tolerance)\b|^of the step$",
 )
 UNIT = re.compile(r"\[[^\]]+\]|\b(radians|degrees|seconds)\b")
 SHAPE = re.compile(r"\((?:[\w +−-]+|\*s),[^()]*\)|shape")

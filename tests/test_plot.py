@@ -177,3 +177,16 @@ def test_input(solved, tmp_path):
     COMM.barrier()
     with pytest.raises(dc.ContactError, match="file"):
         dc.plot.bodies(u, folder / "file" / "picture.png")
+
+
+def test_mirror_images(solved, tmp_path):
+    u, _, _ = solved
+    shapes = dc.plot.gather_bodies(u, u)
+    if shapes is not None:
+        both = dc.plot.bodies([shapes, shapes.mirrored()], tmp_path / "both.png")
+        assert isinstance(both, Figure) and ink(tmp_path / "both.png") > 0.05
+        whole = type(shapes).together([shapes, shapes.mirrored()])
+        assert len(whole.polygons) == len(whole.values) == 2 * len(shapes.polygons)
+        lower, upper = whole.bounds
+        np.testing.assert_allclose(-lower[0], upper[0])
+        np.testing.assert_allclose((lower, upper)[1][1:], shapes.bounds[1][1:])

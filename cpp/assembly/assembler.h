@@ -262,6 +262,14 @@ public:
     _frozen = {};
   }
 
+  /// Go on from an accepted step of another run. Of its particles count where they are, whether
+  /// they are closed, their targets (a tool's, or the global numbers in `away`), friction's status
+  /// and what it has dissipated.
+  /// @param states in the order of the facets
+  /// @param dissipated see `dissipated`
+  /// @throws std::invalid_argument if fixed particles are not as many as the rule's
+  void resume(std::vector<State> states, double dissipated);
+
   const Particles& particles() const { return _particles; }
 
   /// The law of one particle. Where λ ≠ 0 at the switch between open and closed (a gap inside a

@@ -191,6 +191,27 @@ void Assembler<D>::accept()
   _accepted = _now;
 }
 
+template <int D>
+void Assembler<D>::resume(std::vector<State> states, double dissipated)
+{
+  Cloud cloud;
+  cloud.offset.assign(_own + 1, 0);
+  for (const State& s : states)
+    ++cloud.offset.at(s.facet + 1);
+  for (int f = 0; f < _own; ++f)
+  {
+    if (not _particles.refined and cloud.offset[f + 1] != _particles.rule.size())
+      throw std::invalid_argument("Assembler: a facet has other particles than its rule's");
+    cloud.offset[f + 1] += cloud.offset[f];
+  }
+  cloud.states = std::move(states);
+  if (not _tool)
+    carry_over(cloud.states, _master);
+  _now = _accepted = _marked = std::move(cloud);
+  _frozen = {};
+  _dissipated = dissipated;
+}
+
 // the members of this file; assembler.cpp instantiates the others
 template void Assembler<2>::tabulate(const double*, Sample&) const;
 template void Assembler<3>::tabulate(const double*, Sample&) const;
@@ -210,5 +231,7 @@ template int Assembler<2>::begin_step(double);
 template int Assembler<3>::begin_step(double);
 template void Assembler<2>::accept();
 template void Assembler<3>::accept();
+template void Assembler<2>::resume(std::vector<State>, double);
+template void Assembler<3>::resume(std::vector<State>, double);
 
 } // namespace dolfinx_contact

@@ -24,8 +24,8 @@ py::dict particle_table(const Assembler<D>& a)
   const py::ssize_t n = states.size();
   const std::vector<py::ssize_t> vectors = {n, py::ssize_t(D)};
   py::array_t<double> X(vectors), x(vectors), y(vectors), normal(vectors), traction(vectors),
-      slip(vectors), direction(vectors), xi({n, py::ssize_t(D - 1)}), gap(n), lambda(n), weight(n),
-      dissipated(n);
+      slip(vectors), direction(vectors), xi({n, py::ssize_t(D - 1)}),
+      target_xi({n, py::ssize_t(D - 1)}), gap(n), lambda(n), weight(n), dissipated(n);
   py::array_t<bool> closed(n), slips(n), rubs(n), clamped(n);
   py::array_t<std::int64_t> facet(n), target(n);
   py::array_t<std::int32_t> row(n), piece(n);
@@ -51,6 +51,7 @@ py::dict particle_table(const Assembler<D>& a)
       slip.mutable_at(i, k) = s.slip[k] - s.slip.dot(s.n) * s.n[k];
     }
     std::copy_n(s.xi.data(), D - 1, xi.mutable_data(i, 0));
+    std::copy_n(s.target.xi.data(), D - 1, target_xi.mutable_data(i, 0));
     row.mutable_at(i) = f;
     slips.mutable_at(i) = s.friction.slips;
     clamped.mutable_at(i) = s.target.facet >= 0 and s.target.clamp != Clamp::none;
@@ -86,8 +87,42 @@ py::dict particle_table(const Assembler<D>& a)
   out["closed"] = closed;
   out["facet"] = facet;
   out["target_facet"] = target;
+  out["target_xi"] = target_xi;
   out["piece"] = piece;
   return out;
+}
+
+// Particles of an accepted step of another run: columns of `particle_table`, in the order of the
+// facets.
+template <int D>
+void resume(Assembler<D>& a, const py::dict& table, double dissipated)
+{
+  auto integers = [&](const char* name) { return table[name].cast<array<std::int64_t>>(); };
+  auto reals = [&](const char* name) { return table[name].cast<array<double>>(); };
+  const auto row = integers("row"), closed = integers("closed"), rubs = integers("rubs"),
+             slips = integers("slips"), target = integers("target_facet"),
+             piece = integers("piece");
+  const auto xi = reals("xi"), target_xi = reals("target_xi"), weight = reals("weight"),
+             dissipation = reals("dissipated");
+  std::vector<typename Assembler<D>::State> states(row.size());
+  for (py::ssize_t i = 0; i < row.size(); ++i)
+  {
+    auto& s = states[i];
+    s.facet = static_cast<int>(row.at(i));
+    std::copy_n(xi.data(i, 0), D - 1, s.xi.data());
+    s.weight = weight.at(i);
+    s.closed = closed.at(i);
+    s.friction.acts = rubs.at(i);
+    s.friction.slips = slips.at(i);
+    if (a.tool())
+      s.target.facet = static_cast<int>(target.at(i));
+    else
+      s.away = target.at(i);
+    std::copy_n(target_xi.data(i, 0), D - 1, s.target.xi.data());
+    s.piece = static_cast<int>(piece.at(i));
+    s.dissipated = dissipation.at(i);
+  }
+  a.resume(std::move(states), dissipated);
 }
 
 // Unit normals of the slave, inward to it, at points of all its own facets; (facets, points, D).
@@ -235,6 +270,7 @@ void declare_assembler(py::module_& m, const char* name)
       .def("begin_step", &A::begin_step)
       .def("accept", &A::accept)
       .def("restore", &A::restore)
+      .def("resume", &resume<D>, py::arg("particles"), py::arg("dissipated"))
       .def_property_readonly("own", &A::own)
       .def_property_readonly("slave", &A::slave, py::return_value_policy::reference_internal);
 }
