@@ -25,7 +25,7 @@ export OMP_NUM_THREADS MPLBACKEND OMPI_ALLOW_RUN_AS_ROOT OMPI_ALLOW_RUN_AS_ROOT_
   OMPI_MCA_btl_vader_single_copy_mechanism
 
 .PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 sanitize bench robustness \
-  format check-format clean
+  docs gallery format check-format clean
 .NOTPARALLEL:
 
 help:
@@ -34,6 +34,8 @@ help:
 	@echo "make install       build, and install the Python package for $(PY)"
 	@echo "make sanitize      C++ tests with address and undefined-behaviour sanitizers"
 	@echo "make bench         what contact costs and how it grows, beside the bulk and GetFEM; takes long"
+	@echo "make docs          the documentation, in $(BUILD)/docs/index.html"
+	@echo "make gallery       run the demos anew and put their pictures into the documentation"
 	@echo "make robustness    60 runs with default settings; writes docs/robustness.md"
 	@echo "make format        format C++ and Python; make check-format only checks"
 	@echo "make clean         remove $(BUILD)/"
@@ -116,6 +118,18 @@ bench: install
 # 60 runs, about five minutes; rewrites the table of docs/robustness.md
 robustness: install
 	$(PY) benchmarks/robustness.py --output docs/robustness.md
+
+# --- documentation ---------------------------------------------------------------------------
+
+# Sphinx is for the documentation only. Every warning is an error.
+docs: PACKAGES += python3-sphinx python3-myst-parser python3-sphinx-rtd-theme libjs-mathjax
+docs: install
+	$(PY) -m sphinx -q -W --keep-going -d $(BUILD)/docs-cache docs $(BUILD)/docs
+	@echo "Open $(BUILD)/docs/index.html"
+
+gallery: demo
+	$(PY) docs/figures.py
+	cp demos/pictures/*.png docs/pictures/
 
 # --- the source's looks ----------------------------------------------------------------------
 

@@ -27,6 +27,8 @@ from scipy.spatial import cKDTree
 from . import compat
 from .errors import ContactError, InputError, together
 
+__all__ = ["arrays"]
+
 Array = npt.NDArray[Any]
 _FORMAT = "dolfinx_contact checkpoint 1"
 _BLOCK = 2**16  # rows that are read at once

@@ -15,20 +15,41 @@ from mpi4py import MPI
 
 
 class ContactError(RuntimeError):
-    """Anything that goes wrong in dolfinx_contact."""
+    """Anything that goes wrong in dolfinx_contact.
+
+    Attributes:
+        page: what it means and what to try; the message ends with it
+    """
+
+    page = "docs/failures.md#contacterror"
+
+    def __str__(self) -> str:
+        see = f"\nSee {self.page}"
+        return (
+            super().__str__().replace(see, "") + see
+        )  # once, though messages are quoted and sent on
 
 
 class InputError(ContactError, ValueError):
     """The user gave something that cannot work; the message says how to mend it."""
 
+    page = "docs/failures.md#inputerror"
+
 
 class UnheldError(ContactError):
     """Nothing holds a body; the message names it, how it can move, and the remedies."""
 
+    page = "docs/failures.md#unhelderror"
+
 
 class ConvergenceError(ContactError):
-    """A solve failed; ``report`` holds what it did up to then."""
+    """A solve failed.
 
+    Attributes:
+        report: what it did up to then, a Report
+    """
+
+    page = "docs/failures.md#convergenceerror"
     report = None
 
 

@@ -40,7 +40,7 @@ class Swift(_Law):
 
     Args:
         K: stress at ε_p = 1 − eps0, positive [stress]
-        eps0: positive
+        eps0: plastic strain at the start of hardening, positive
         n: exponent, not negative
 
     Raises:

@@ -56,6 +56,7 @@ def constant(pair: ContactPair, h: float | None = None) -> float:
     Raises:
         InputError: on all ranks, if pair is no ContactPair, h is not positive and finite, or no
             pressure is left whose particles all have targets
+        ContactError: on all ranks, if SLEPc finds no eigenvalue
     """
     if not isinstance(pair, ContactPair):
         raise InputError(f"infsup.constant: pair is a {type(pair).__name__}; give a ContactPair.")

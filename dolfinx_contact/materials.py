@@ -23,7 +23,11 @@ GEOMETRIES = ("plane strain", "axisymmetric", "3D")
 
 
 def lame(E: Any, nu: Any) -> tuple[Any, Any]:
-    """Lamé's constants (μ, λ) [pressure] of Young's modulus E [pressure] and Poisson's ratio ν.
+    """Lamé's constants (μ, λ) [pressure] of isotropic elasticity.
+
+    Args:
+        E: Young's modulus [pressure]; a number, a Constant or a Function
+        nu: Poisson's ratio, likewise
 
     Raises:
         InputError: numbers that are not E > 0 and −1 < ν < 1/2
@@ -64,17 +68,36 @@ def displacement_gradient(u: Any, geometry: str | None = None) -> Any:
 
 
 def deformation_gradient(u: Any, geometry: str | None = None) -> Any:
-    """F = 1 + ∇u, 3 × 3: arguments and errors of ``displacement_gradient``."""
+    """F = 1 + ∇u as a 3 × 3 matrix.
+
+    Args:
+        u, geometry: as for displacement_gradient
+
+    Raises:
+        InputError: as for displacement_gradient
+    """
     return ufl.Identity(3) + displacement_gradient(u, geometry)
 
 
 def radius(u: Any) -> Any:
-    """Distance from the axis r = 0 [length]: integrate 2π r ψ dx for the energy of a whole ring."""
+    """Distance from the axis r = 0 [length]: integrate 2π r ψ dx for the energy of a whole ring.
+
+    Args:
+        u: displacement
+    """
     return ufl.SpatialCoordinate(u.function_space.mesh)[0]
 
 
 def small_strain(u: Any, mu: Any, lmbda: Any, geometry: str | None = None) -> Any:
-    """Energy of linear elasticity, μ ε:ε + λ/2 (tr ε)², with ε = sym ∇u; arguments as below."""
+    """Energy of linear elasticity, μ ε:ε + λ/2 (tr ε)², with ε = sym ∇u.
+
+    Args:
+        u, geometry: as for displacement_gradient
+        mu, lmbda: Lamé's constants [pressure]
+
+    Raises:
+        InputError: as for displacement_gradient
+    """
     e = ufl.sym(displacement_gradient(u, geometry))
     return mu * ufl.inner(e, e) + lmbda / 2 * ufl.tr(e) ** 2
 
@@ -93,15 +116,18 @@ def saint_venant_kirchhoff(F: Any, mu: Any, lmbda: Any) -> Any:
 def neo_hookean(F: Any, mu: Any, lmbda: Any) -> Any:
     """μ/2 (F:F − 3 − 2 ln J) + λ/2 (ln J)², J = det F.
 
-    Arguments as above. J. Bonet and R. D. Wood, Nonlinear Continuum Mechanics for Finite Element
-    Analysis (2008), (6.27).
+    J. Bonet and R. D. Wood, Nonlinear Continuum Mechanics for Finite Element Analysis (2008), (6.27).
+
+    Args:
+        F: deformation gradient
+        mu, lmbda: Lamé's constants [pressure]
     """
     log = ufl.ln(ufl.det(F))
     return mu / 2 * (ufl.inner(F, F) - 3 - 2 * log) + lmbda / 2 * log**2
 
 
 def mooney_rivlin(F: Any, c1: Any, c2: Any, kappa: Any) -> Any:
-    """c₁ (Ī₁ − 3) + c₂ (Ī₂ − 3) + κ/2 (J − 1)², with the invariants of J^(−2/3) FᵀF.
+    """W = c₁ (Ī₁ − 3) + c₂ (Ī₂ − 3) + κ/2 (J − 1)², with the invariants of J^(−2/3) FᵀF.
 
     Args:
         F: deformation gradient
@@ -115,12 +141,16 @@ def mooney_rivlin(F: Any, c1: Any, c2: Any, kappa: Any) -> Any:
 
 
 def hencky(F: Any, mu: Any, lmbda: Any) -> Any:
-    """μ H:H + λ/2 (tr H)², with Hencky's strain H = ½ ln(FᵀF). Arguments as for neo_hookean.
+    """μ H:H + λ/2 (tr H)², with Hencky's strain H = ½ ln(FᵀF).
 
     The logarithm is a rational function of C = FᵀF, without eigenvalues: Gauss's rule of seven points
     for ln C = ∫₀¹ (C − 1)(1 + t (C − 1))⁻¹ dt. Principal strains are right to 3e-7 for stretches between
     1/2 and 2, to 1e-4 between 1/3 and 3; tr H = ln J
     is exact.
+
+    Args:
+        F: deformation gradient
+        mu, lmbda: Lamé's constants [pressure]
     """
     identity = ufl.Identity(3)
     D = F.T * F - identity

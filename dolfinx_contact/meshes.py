@@ -33,7 +33,14 @@ Partition = Any  # array of ranks, or callable (midpoints, number of ranks) -> r
 
 @dataclass
 class Body:
-    """Points (points, dim) and cells (cells, nodes; Basix's Lagrange order) of one body."""
+    """A mesh of one body on one rank, before it is a DOLFINx mesh.
+
+    Attributes:
+        points: (points, dim) [length]
+        cells: numbers of their nodes in Basix's Lagrange order, (cells, nodes)
+        cell: shape of the cells: "triangle", "quadrilateral", "tetrahedron" or "hexahedron"
+        degree: of the geometry, 1 or 2
+    """
 
     points: npt.NDArray[np.float64]
     cells: npt.NDArray[np.int64]
@@ -54,7 +61,7 @@ def grid(
     Args:
         counts: number of boxes in each direction; a box is one quadrilateral or hexahedron, two
             triangles or six tetrahedra (Kuhn's subdivision)
-        lower, upper: opposite corners of the box; by default the unit square or cube
+        lower, upper: opposite corners of the box [length]; by default the unit square or cube
         mapping: takes points (n, dim) of the box to points (n, dim) of the body; mid-side nodes are
             mapped too, so that cells of degree 2 are curved
         cell: shape of the cells

@@ -405,7 +405,13 @@ class Particles:
 
     @classmethod
     def of(cls, comm: Any, table: dict[str, Any], frictional: bool) -> Particles:
-        """From the assembler's table."""
+        """From the assembler's table.
+
+        Args:
+            comm: the pair's communicator
+            table: columns of this rank's particles
+            frictional: whether what touches can stick
+        """
         closed = table["closed"]
         pressure = -np.einsum("pi,pi->p", table["traction"], np.nan_to_num(table["normal"]))
         return cls(

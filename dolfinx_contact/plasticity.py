@@ -115,12 +115,24 @@ class J2(QuadratureLaw):
         self.kirchhoff = self.field((3, 3), "kirchhoff")
 
     def grad(self, w: Any) -> Any:
-        """Variation of F with the displacement, UFL of P's shape: ∇w, in axial symmetry with
-        w_r/r in the third place. ``inner(P, grad(w))`` is virtual work for all kinds and all F."""
+        """Variation of F with the displacement: ∇w, in axial symmetry with w_r/r in the third place.
+
+        ``inner(P, grad(w))`` is virtual work for all kinds and all F.
+
+        Args:
+            w: test function of the displacement, or another direction
+
+        Returns:
+            UFL of P's shape
+        """
         return self.variation(self.u, w)
 
     def work(self, w: Any) -> Any:
-        """The form P : grad(w) dx, in axial symmetry 2πr P : grad(w) dx."""
+        """The form P : grad(w) dx, in axial symmetry 2πr P : grad(w) dx.
+
+        Args:
+            w: test function of the displacement
+        """
         return self._weight * ufl.inner(self.P, self.grad(w)) * self.dx
 
     @property

@@ -234,6 +234,7 @@ def history(
 
     Raises:
         InputError: values of another length than x
+        ContactError: the file cannot be written
     """
     x = np.asarray(x, dtype=float)
     for name, values in curves.items():
@@ -273,6 +274,7 @@ def convergence(
 
     Raises:
         InputError: no reports
+        ContactError: the file cannot be written
     """
     reports = [reports] if isinstance(reports, Report) else list(reports)
     if not reports or not all(isinstance(report, Report) for report in reports):

@@ -130,18 +130,27 @@ class ContactProblem:
         return report
 
     def state(self) -> list[Any]:
-        """Copies of where all is: values of u, then places and reactions of driven tools."""
+        """Copies of where all is: this rank's values of u, then places and reactions of driven tools."""
         return [*(u.x.array.copy() for u in self.u), *self.system.driven.state()]
 
     def set_state(self, state: Sequence[Any]) -> None:
-        """Put back what ``state`` has returned; the multipliers stay."""
+        """Put back what ``state`` has returned; the multipliers stay.
+
+        Args:
+            state: of this problem
+        """
         for u, values in zip(self.u, state):
             u.x.array[:] = values
         self.system.driven.set_state(state[len(self.u) :])
 
     def extrapolate(self, before: Sequence[Any], now: Sequence[Any], ratio: float) -> None:
         """Go on from two states for another part of the way between them: displacements, and tools
-        in the directions in which forces drive them; where they are prescribed they stay."""
+        in the directions in which forces drive them; where they are prescribed they stay.
+
+        Args:
+            before, now: two states, as ``state`` returns them
+            ratio: number of times the way from one to the other is gone on
+        """
         ahead = [b + ratio * (b - a) for a, b in zip(before, now)]
         for u, values in zip(self.u, ahead):
             u.x.array[:] = values

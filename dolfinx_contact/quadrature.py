@@ -29,10 +29,16 @@ class Law(Protocol):
     """
 
     def update(self, F: Array) -> tuple[Array, Array]:
-        """P and dP/dF at n points for F of shape (n, \\*s): arrays (n, \\*s) and (n, \\*s, \\*s).
+        """P and dP/dF at n points, from the state of the last commit. The arrays are copied.
 
         P that is not finite says that F is out of reach (an inverted cell, say): Newton then
-        shortens its step. The arrays are copied.
+        shortens its step.
+
+        Args:
+            F: (n, *s), with the shape s of the law's F
+
+        Returns:
+            P, (n, *s), and dP/dF, (n, *s, *s), in units of stress
         """
 
     def commit(self) -> None:
@@ -48,7 +54,11 @@ class Law(Protocol):
         the mesh's numbering; none for a law without history."""
 
     def set_state(self, state: Sequence[Array]) -> None:
-        """Go on from what ``state`` has returned, maybe in another run."""
+        """Go on from what ``state`` has returned, maybe in another run.
+
+        Args:
+            state: these arrays, of this rank's points
+        """
 
 
 class QuadratureLaw:
@@ -197,7 +207,11 @@ class QuadratureLaw:
         return columns
 
     def set_state(self, columns: dict[str, Array]) -> None:
-        """Go on from what ``state`` has returned. Collective."""
+        """Go on from what ``state`` has returned. Collective.
+
+        Args:
+            columns: these, one row for each of this rank's points
+        """
         count = len(columns) - 1
         self.law.set_state([columns[f"state{i}"] for i in range(count)])
         self.fill(self._stress, columns["stress"])
@@ -207,12 +221,28 @@ class QuadratureLaw:
     # -- derivatives ----------------------------------------------------------------------------
 
     def variation(self, u: Any, v: Any) -> Any:
-        """∂F/∂u v, UFL of F's shape: with a test function v, P : ``variation`` is virtual work."""
+        """∂F/∂u v: with a test function v, P : ``variation`` is virtual work.
+
+        Args:
+            u: an unknown of F
+            v: its direction, a test or trial function or a Function
+
+        Returns:
+            UFL of F's shape
+        """
         return expand_derivatives(ufl.derivative(self.F, u, v))
 
     def tangent(self, form: Any, u: Any) -> Any:
         """What ``ufl.derivative(form, u)`` misses: the form's derivative with P, times
-        dP/dF : ∂F/∂u δu. None if the form has no P, or F no u."""
+        dP/dF : ∂F/∂u δu.
+
+        Args:
+            form: a residual
+            u: an unknown
+
+        Returns:
+            a bilinear form; None if the form has no P, or F no u
+        """
         if self._stress not in form.coefficients() or u not in self._functions:
             return None
         du = ufl.TrialFunction(u.function_space)
@@ -222,26 +252,50 @@ class QuadratureLaw:
     # -- values at points -----------------------------------------------------------------------
 
     def evaluate(self, expression: Any) -> Array:
-        """A UFL expression at this rank's points, in the order of the law; (size, *shape)."""
+        """A UFL expression at this rank's points, in the order of the law.
+
+        Args:
+            expression: of any shape
+
+        Returns:
+            values, (size, *shape)
+        """
         values = compat.evaluate(self._compile(expression), self.mesh, self._cells)
         return values.reshape(self.size, *expression.ufl_shape)
 
     def positions(self) -> Array:
-        """Reference positions of this rank's points; (size, dim)."""
+        """Reference positions of this rank's points, (size, dim) [length]."""
         return self.evaluate(ufl.SpatialCoordinate(self.mesh))
 
     def field(self, shape: tuple[int, ...] = (), name: str = "f") -> fem.Function:
-        """A quadrature Function at the law's points, of scalars, vectors or matrices."""
+        """A quadrature Function at the law's points. Collective.
+
+        Args:
+            shape: of its values: (), (n,) or (n, m)
+            name: of the Function
+        """
         V = compat.quadrature_space(self.mesh, self.degree, shape)
         return fem.Function(V, name=name)
 
     def fill(self, f: fem.Function, values: Array) -> None:
-        """Give a ``field`` the values at this rank's points; (size, *shape). Collective."""
+        """Give a ``field`` its values at this rank's points. Collective.
+
+        Args:
+            f: a Function that ``field`` has made
+            values: (size, *shape)
+        """
         self._put(f, np.asarray(values))
         f.x.scatter_forward()
 
     def values(self, f: fem.Function) -> Array:
-        """Values of a ``field`` at this rank's points, components in a row; (size, components)."""
+        """Values of a ``field`` at this rank's points, components in a row.
+
+        Args:
+            f: a Function that ``field`` has made
+
+        Returns:
+            (size, components)
+        """
         return f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)[self._dofs(f)]
 
     def _put(self, f: fem.Function, values: Array) -> None:

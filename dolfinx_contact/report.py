@@ -66,7 +66,13 @@ class Report:
         return [a + b for a, b in zip(self.began_to_slip, self.began_to_stick)]
 
     def add(self, bulk: float, contact: float, changes: Sequence[int]) -> None:
-        """Append a line: norms of the residual [force] and the changes of status, (5,)."""
+        """Append a line.
+
+        Args:
+            bulk, contact: norms of the residual [force]
+            changes: numbers of particles that opened, closed, began to slip, began to stick, and
+                slipped on in another direction, (5,)
+        """
         self.residuals["bulk"].append(bulk)
         self.residuals["contact"].append(contact)
         for name, n in zip(CHANGES, changes):

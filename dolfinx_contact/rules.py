@@ -98,7 +98,13 @@ class SeekDirection:
             )
 
     def at(self, X: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Unit directions at reference positions X; both (n, dim).
+        """Unit directions on the slave.
+
+        Args:
+            X: reference positions, (n, dim) [length]
+
+        Returns:
+            directions, (n, dim)
 
         Raises:
             InputError: a function returns another shape, a zero or a value that is not finite
@@ -161,19 +167,42 @@ def _check_search(rule: Any) -> None:
 # -- particles ------------------------------------------------------------------------------------
 
 
-class _Quadrature:
-    """Rules whose particles carry the weights of a quadrature on the reference facet."""
+class _Rule:
+    """What a pair asks of its rule; here particles carry the weights of a quadrature on the
+    reference facet."""
 
     refined = False
 
+    def rule(self, shape: str, psi: Any) -> Any:
+        """Points and weights on the reference facet.
+
+        Args:
+            shape: of the facets: "interval", "triangle" or "quadrilateral"
+            psi: the pressure's basis on a facet, see surface.basis_polynomials
+
+        Raises:
+            InputError: a rule that these facets or pressures cannot have
+        """
+        raise NotImplementedError
+
     def weights(self, slave: Any, shape: str, rule: Any, psi: Any, axisymmetric: bool) -> Any:
-        """Reference measure of each particle, (facets, particles)."""
+        """Reference measure of each particle, (facets, particles) [area; length in 2D].
+
+        Args:
+            slave: the facets, as the C++ core has them
+            shape, psi: as for ``rule``
+            rule: what ``rule`` has returned
+            axisymmetric: with the factor 2πR
+
+        Raises:
+            InputError: a particle without weight, where the rule cannot do without it
+        """
         return _cpp.particle_weights(slave, rule, axisymmetric)
 
 
 @dataclass(frozen=True)
-class Simpson(_Quadrature):
-    """Sub-element Simpson points: 2ⁿ parts of a facet per direction (4ⁿ triangles).
+class Simpson(_Rule):
+    """Sub-element Simpson points: 2ⁿ parts of a facet per direction (4ⁿ triangles), as in the paper.
 
     Args:
         n: level, from 0 to 6
@@ -189,12 +218,11 @@ class Simpson(_Quadrature):
             raise InputError(f"Simpson: n is {self.n!r}; give an integer from 0 to 6.")
 
     def rule(self, shape: str, psi: Any) -> Any:
-        """Points and weights on the reference facet."""
         return _cpp.simpson(getattr(_cpp.Shape, shape), self.n)
 
 
 @dataclass(frozen=True)
-class Gauss(_Quadrature):
+class Gauss(_Rule):
     """Gauss points, exact up to a degree (Basix's rules).
 
     Args:
@@ -211,12 +239,11 @@ class Gauss(_Quadrature):
             raise InputError(f"Gauss: degree is {self.degree!r}; give an integer from 1 to 20.")
 
     def rule(self, shape: str, psi: Any) -> Any:
-        """Points and weights on the reference facet."""
         return _cpp.ParticleRule(*compat.quadrature(shape, self.degree))
 
 
 @dataclass(frozen=True)
-class Lobatto(_Quadrature):
+class Lobatto(_Rule):
     """Gauss–Lobatto points: on intervals and, as a tensor product, on quadrilaterals.
 
     Args:
@@ -233,7 +260,6 @@ class Lobatto(_Quadrature):
             raise InputError(f"Lobatto: points is {self.points!r}; give an integer from 2 to 10.")
 
     def rule(self, shape: str, psi: Any) -> Any:
-        """Points and weights on the reference facet."""
         if shape == "triangle":
             raise InputError(
                 "Lobatto: there is no Gauss-Lobatto rule on triangles; use Simpson(n), whose"
@@ -244,17 +270,15 @@ class Lobatto(_Quadrature):
 
 
 @dataclass(frozen=True)
-class Nodes:
-    """The nodes of the pressure space, with lumped weights ∫ ψ_a dΓ."""
+class Nodes(_Rule):
+    """The nodes of the pressure space, with lumped weights ∫ ψ_a dΓ.
 
-    refined = False
+    Raises:
+        InputError: on use, pressures of degree 2 on triangles, where ∫ ψ_a dΓ = 0 at the vertices
+    """
 
     def rule(self, shape: str, psi: Any) -> Any:
-        """Nodes on the reference facet, and ∫ ψ_a there.
-
-        Raises:
-            InputError: pressures of degree 2 on triangles, where ∫ ψ_a dΓ = 0 at the vertices
-        """
+        # nodes on the reference facet, and ∫ ψ_a there
         points, weights = compat.quadrature(shape, 4)
         lumped = weights @ basis_values(psi, points)
         if lumped.min() < 1e-12:
@@ -266,8 +290,7 @@ class Nodes:
         return _cpp.ParticleRule(psi[2], lumped)
 
     def weights(self, slave: Any, shape: str, rule: Any, psi: Any, axisymmetric: bool) -> Any:
-        """Lumped measure of each particle, (facets, particles): the axisymmetric factor stays
-        inside the integral, so that a node on the axis keeps a weight."""
+        # the axisymmetric factor stays inside the integral, so that a node on the axis keeps a weight
         powers, coefficients, nodes = psi
         basis = _cpp.TraceBasis(nodes.shape[1], powers, coefficients)
         fine = _cpp.ParticleRule(*compat.quadrature(shape, 10))
@@ -282,7 +305,7 @@ class Nodes:
 
 
 @dataclass(frozen=True)
-class Segments:
+class Segments(_Rule):
     """Exact integration on the common refinement of slave facets and projected master facets.
 
     Neither side of the integrals has a node or an edge inside a cell of the refinement: an interval
@@ -317,6 +340,9 @@ class Segments:
             shapes: of the slave's and the master's facets
             displacement, multiplier: the highest degrees
             axisymmetric: R is in the integrals
+
+        Returns:
+            a rule with a degree
         """
         if self.degree is not None:
             return self
@@ -326,12 +352,17 @@ class Segments:
         return replace(self, degree=degree)
 
     def rule(self, shape: str, psi: Any) -> Any:
-        """Points and weights on the reference interval or triangle, for each simplex of a cell."""
+        # on the reference interval or triangle, for each simplex of a cell
         simplex = "interval" if shape == "interval" else "triangle"
         return _cpp.ParticleRule(*compat.quadrature(simplex, self.degree))
 
     def points(self, shape: str, rule: Any) -> npt.NDArray[np.float64]:
-        """Particles of a reference facet that is one cell."""
+        """Particles of a reference facet that is one cell, (particles, dim − 1).
+
+        Args:
+            shape: of the facets
+            rule: what ``rule`` has returned
+        """
         if shape != "quadrilateral":
             return rule.points
         return np.concatenate([rule.points, 1.0 - rule.points])

@@ -36,13 +36,21 @@ class Shapes:
 
     @classmethod
     def together(cls, shapes: Sequence[Shapes]) -> Shapes:
-        """All of several, with values if each has them."""
+        """All of several, with values if each has them.
+
+        Args:
+            shapes: of one space
+        """
         values = [one.values for one in shapes if one.values is not None]
         corners = [kind for one in shapes for kind in one.corners]
         return cls(corners, np.concatenate(values) if len(values) == len(shapes) else None)
 
     def mirrored(self, axis: int = 0) -> Shapes:
-        """The polygons on the other side of the plane where coordinate ``axis`` is 0."""
+        """The polygons on the other side of the plane where coordinate ``axis`` is 0.
+
+        Args:
+            axis: number of the coordinate
+        """
         corners = [kind.copy() for kind in self.corners]
         for kind in corners:
             kind[..., axis] *= -1

@@ -33,6 +33,8 @@ from petsc4py import PETSc
 from .errors import InputError
 from .multigrid import Hierarchy, mended
 
+__all__ = ["direct", "iterative"]
+
 _DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 

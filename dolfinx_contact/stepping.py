@@ -208,7 +208,7 @@ class LoadStepping:
             path: of a file that ``save`` has written
 
         Returns:
-            the user's arrays
+            the arrays that ``save`` was given, by name and of their shape
 
         Raises:
             InputError: on all ranks, if there is no such file, it is not whole, or of another mesh,

@@ -37,6 +37,10 @@ class Newton:
         ρ_τ, which is kept for the next steps, and without closing what is near: a slender body is
         thrown off by that.
 
+        Args:
+            system: unknowns, residual and matrix of a problem
+            options: PETSc's, without prefix
+
         Returns:
             what happened, over all attempts; the system's Functions hold the last iterate
 
@@ -107,6 +111,9 @@ class FixedPoint:
 
     def solve(self, system: System, options: dict[str, Any]) -> Report:
         """Solve from the Functions' present values. Collective.
+
+        Args:
+            system, options: as for Newton
 
         Returns:
             what happened; the system's Functions hold the last iterate

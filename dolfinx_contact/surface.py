@@ -161,7 +161,7 @@ class Surface:
 
     @property
     def facet_mesh_cells(self) -> npt.NDArray[np.int64]:
-        """For each local cell of ``mesh`` its facet's row. Collective at the first access."""
+        """For each local cell of ``mesh`` its facet's row, (cells,). Collective at the first access."""
         if self._mesh is None:
             self._make_mesh()
         return self._mesh_facets

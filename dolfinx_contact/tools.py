@@ -17,6 +17,9 @@ class RigidTool:
     A tool is prescribed (``move``) unless a force drives it (``push``). Give it, or a list of tools,
     as the master of a ContactPair; one tool may be the master of several pairs.
 
+    Args:
+        dim: of the space, 2 or 3
+
     Attributes:
         dim: 2 or 3
         rotation, translation: R, (dim, dim), and c, (dim,) [length], of the present place
@@ -120,7 +123,12 @@ class RigidTool:
     # -- results of the last accepted solution --------------------------------------------------
 
     def force(self) -> npt.NDArray[np.float64]:
-        """Force of contact on the tool, friction included, (dim,) [force]. Collective."""
+        """Force of contact on the tool, friction included, (dim,) [force]. Collective.
+
+        Raises:
+            InputError: the tool is in no problem
+            ContactError: the problem has not been solved yet
+        """
         return self._resultant()[: self.dim]
 
     def moment(self, about: Sequence[float] | None = None) -> npt.NDArray[np.float64]:
@@ -131,6 +139,10 @@ class RigidTool:
 
         Returns:
             (3,) in 3D, (1,) in 2D
+
+        Raises:
+            InputError: a point of another size, or the tool is in no problem
+            ContactError: the problem has not been solved yet
         """
         point = self.translation if about is None else numbers(about)
         if np.shape(point) != (self.dim,):

@@ -36,10 +36,13 @@ LAST = COMM.size - 1
 
 
 def expect(kind, call, *parts):
-    """Every rank gets an error of this class (no subclass), and its text holds all the parts."""
+    """Every rank gets an error of this class (no subclass), and its text holds all the parts and
+    ends with the page that helps."""
     with pytest.raises(kind) as caught:
         call()
     assert type(caught.value) is kind
+    assert str(caught.value).endswith(f"\nSee {kind.page}")
+    assert str(caught.value).count("See docs/") == 1
     for part in parts:
         assert part in str(caught.value), str(caught.value)
     # nobody else got another one, or is still waiting
@@ -339,6 +342,17 @@ def test_together_raises_on_all_or_none():
     if COMM.rank != LAST:
         assert f"stage: rank {LAST}: ZeroDivisionError" in str(caught.value)
     COMM.barrier()
+
+
+def test_every_error_has_its_place_on_the_page():
+    """The class's own heading of docs/failures.md, from which its anchor is made."""
+    kinds = (dc.ContactError, dc.InputError, dc.UnheldError, dc.ConvergenceError)
+    text = (Path(__file__).parent.parent / "docs" / "failures.md").read_text()
+    for kind in kinds:
+        assert kind.page == f"docs/failures.md#{kind.__name__.lower()}"
+        assert f"\n## {kind.__name__}\n" in text
+        # a message that is passed on, or that another one quotes, names the page once
+        assert str(kind(str(kind("quoted")) + "\nand more")).count("See docs/") == 1
 
 
 # -- complex PETSc ------------------------------------------------------------------------------------
