@@ -6,7 +6,7 @@ therefore known by where it is in the reference configuration: a degree of freed
 the mean midpoint of the cells around it (those of two bodies that touch may share the point), a
 quadrature point by itself and its cell's midpoint, particles by their facet's midpoint.
 
-Rank 0 alone touches the file; it holds one rank's rows, or one block of the file, at a time.
+Rank 0 alone touches the file; it holds one rank's rows, or one block of the file, at a time (hdf5.py).
 """
 
 from __future__ import annotations
@@ -14,10 +14,8 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Callable
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -25,7 +23,8 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from . import compat
-from .errors import ContactError, InputError, together
+from .errors import InputError, together
+from .hdf5 import NewFile
 
 __all__ = ["arrays"]
 
@@ -124,112 +123,6 @@ def dof_tables(V: Any, label: str) -> list[tuple[Array, Table]]:
 # -- writing ------------------------------------------------------------------------------------
 
 
-class _Disk:
-    """A file for HDF5 to write to, which keeps errors to itself: HDF5 would crash if a disk were
-    full (seen in 1.10). After one it takes everything, and writes nothing more."""
-
-    def __init__(self, path: str):
-        self._file = open(path, "w+b", buffering=0)
-        self.seek, self.tell, self.close = self._file.seek, self._file.tell, self._file.close
-        self.failure: OSError | None = None
-
-    def _try(self, action: Callable[..., Any], argument: Any, otherwise: Any) -> Any:
-        if self.failure is None:
-            try:
-                return action(argument)
-            except OSError as error:
-                self.failure = error
-        return otherwise
-
-    def read(self, size: int = -1) -> bytes:
-        return self._try(self._file.read, size, b"")
-
-    def readinto(self, buffer: Any) -> int:
-        return self._try(self._file.readinto, buffer, 0)
-
-    def write(self, data: Any) -> int:
-        return self._try(self._file.write, data, len(data))
-
-    def truncate(self, size: int) -> int:
-        return self._try(self._file.truncate, size, size)
-
-    def flush(self) -> None:
-        """Nothing is buffered."""
-
-    def finish(self) -> None:
-        """Close it when all is on the disk; raises what has failed before."""
-        if self.failure is not None:
-            raise self.failure
-        os.fsync(self._file.fileno())
-        self.close()
-
-
-class _Part:
-    """The new file, beside the one that it is to replace. After a failure nothing more is written:
-    other ranks may go on sending."""
-
-    def __init__(self, path: str):
-        self._path, self._part = path, path + ".part"
-        self._disk: _Disk | None = None
-        self._file: Any = None
-        self._failure: Exception | None = None
-        self._attempt(self._open)
-
-    def _attempt(self, action: Callable[[], Any]) -> None:
-        if self._failure is None:
-            try:
-                action()
-            except Exception as error:
-                self._failure = error
-
-    def _open(self) -> None:
-        self._disk = _Disk(self._part)
-        self._file = h5py.File(self._disk, "w")
-
-    def create(self, name: str, shape: tuple[int, ...], dtype: Any) -> None:
-        self._attempt(lambda: self._file.create_dataset(name, shape, dtype))
-
-    def fill(self, name: str, first: int, rows: Array) -> None:
-        part = slice(first, first + len(rows))
-        self._attempt(lambda: self._file[name].__setitem__(part, rows))
-
-    def finish(self, figures: dict[str, Any], arrays: dict[str, Array]) -> None:
-        """Write what is left, and take the former file's place. Nothing is lost before that."""
-
-        def write() -> None:
-            for name, array in arrays.items():
-                self._file.create_dataset(f"arrays/{name}", data=array)
-            self._file.create_dataset("figures", data=json.dumps(figures, default=_plain))
-            self._file.attrs["format"] = _FORMAT
-
-        def replace() -> None:
-            self._disk.finish()
-            os.replace(self._part, self._path)
-            _sync(os.path.dirname(os.path.abspath(self._path)))
-
-        self._attempt(write)
-        if self._file is not None:
-            self._file.close()
-        self._attempt(replace)
-        if self._failure is not None:
-            if self._disk is not None:
-                self._disk.close()
-                Path(self._part).unlink(missing_ok=True)
-            raise ContactError(
-                f"The checkpoint {self._path} could not be written ({self._failure}); a former one"
-                " is as it was. Make room, or give another path."
-            ) from self._failure
-
-
-def _sync(folder: str) -> None:
-    """Wait until the disk knows the folder's names."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def _plain(value: Any) -> Any:
     """NumPy's numbers and arrays for JSON, which keeps every digit of a float."""
     return value.tolist()
@@ -253,31 +146,15 @@ def write(
     Raises:
         ContactError: on all ranks, if the file cannot be written; the former one is as it was
     """
-    file = _Part(os.fspath(path)) if comm.rank == 0 else None
-    for name, table in tables.items():
-        for column, rows in {"places": table.places, **table.columns}.items():
-            _put(comm, file, f"tables/{name}/{column}", np.ascontiguousarray(rows))
-    with together(comm, "LoadStepping.save"):
-        if file is not None:
-            file.finish(figures, arrays)
-
-
-def _put(comm: MPI.Comm, file: _Part | None, name: str, rows: Array) -> None:
-    """Write one column of all ranks. Collective."""
-    counts = comm.gather(len(rows), root=0)
-    if file is None:
-        if len(rows):
-            comm.Send([rows.view(np.uint8), MPI.BYTE], dest=0)
-        return
-    file.create(name, (sum(counts), *rows.shape[1:]), rows.dtype)
-    file.fill(name, 0, rows)
-    first = len(rows)
-    for rank, count in enumerate(counts):
-        if rank > 0 and count > 0:
-            piece = np.empty((count, *rows.shape[1:]), dtype=rows.dtype)
-            comm.Recv([piece.view(np.uint8), MPI.BYTE], source=rank)
-            file.fill(name, first, piece)
-            first += count
+    with NewFile(comm, path, "LoadStepping.save") as file:
+        for name, table in tables.items():
+            for column, rows in {"places": table.places, **table.columns}.items():
+                file.put(f"tables/{name}/{column}", rows)
+        if comm.rank == 0:
+            for name, array in arrays.items():
+                file.add(f"arrays/{name}", array)
+            file.add("figures", json.dumps(figures, default=_plain))
+            file.add("format", _FORMAT)
 
 
 # -- reading ------------------------------------------------------------------------------------
@@ -309,8 +186,10 @@ class Checkpoint:
             self._file.close()
 
     def _open(self) -> Any:
+        import h5py
+
         self._file = h5py.File(self._path, "r")
-        if self._file.attrs.get("format") != _FORMAT:
+        if "format" not in self._file or self._file["format"].asstr()[()] != _FORMAT:
             raise ValueError(f"its format is not {_FORMAT!r}")
         arrays = self._file["arrays"].items() if "arrays" in self._file else ()
         figures = json.loads(self._file["figures"].asstr()[()])

@@ -13,7 +13,6 @@ from typing import Any, Sequence
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from .checkpoint import Checkpoint, Table, cell_nodes, dof_tables, smallest
 from .errors import InputError, together

@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from . import compat, xdmf
 from .errors import ContactError, InputError, together
+from .hdf5 import TEMPORARY, NewFile
 from .pair import ContactPair
 
 STATUS = ("open", "slip", "stick")  # as 0, 1, 2
@@ -124,7 +125,7 @@ class Writer:
             ours = {
                 file
                 for file in self.folder.iterdir()
-                if re.fullmatch(_OURS, file.name.removesuffix(xdmf.TEMPORARY))
+                if re.fullmatch(_OURS, file.name.removesuffix(TEMPORARY))
             }
             # first those that name the others
             for file in sorted(ours, key=lambda file: file.suffix != ".xdmf"):
@@ -146,7 +147,7 @@ class Writer:
 
     def _write_meshes(self, name: str) -> None:
         self._meshes = {}
-        with xdmf.File(self._comm, self.folder / name) as file:
+        with NewFile(self._comm, self.folder / name, "Writer") as file:
             for name, grid in self._grids.items():
                 if not isinstance(grid, _Points):
                     self._meshes[name] = _mesh_elements(file, name, grid)
@@ -171,7 +172,7 @@ class Writer:
             fields = {name: grid.fields() for name, grid in self._grids.items()}
         added = {}
         path = self.folder / f"step_{self._number + 1:05d}.h5"
-        with xdmf.File(self._comm, path) as file:
+        with NewFile(self._comm, path, "Writer") as file:
             for name, grid in self._grids.items():
                 element = ElementTree.Element("Grid", Name=name, GridType="Uniform")
                 ElementTree.SubElement(element, "Time", Value=repr(float(time)))
@@ -186,7 +187,7 @@ class Writer:
         self.times.append(float(time))
 
 
-def _mesh_elements(file: xdmf.File, name: str, grid: Any) -> list[ElementTree.Element]:
+def _mesh_elements(file: NewFile, name: str, grid: Any) -> list[ElementTree.Element]:
     return [
         xdmf.topology(file, f"{name}/topology", grid.cells, grid.shape, grid.degree),
         xdmf.geometry(file, f"{name}/geometry", grid.points),

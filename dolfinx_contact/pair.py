@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from . import _cpp, compat
+from . import compat
 from .errors import ContactError, InputError, together
 from .rules import (
     Gauss,

@@ -13,7 +13,8 @@ import numpy as np
 from mpi4py import MPI
 
 from .errors import ContactError, InputError, together
-from .xdmf import last_time, write_text
+from .hdf5 import write_text
+from .xdmf import last_time
 
 
 class Table:

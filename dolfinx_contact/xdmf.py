@@ -1,28 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""Files that ParaView reads: numbers in HDF5, and XDMF that says what is where.
-
-Rank 0 writes; the other ranks send it their rows in turn, so that it never holds more than one of them.
-A file is written under another name, and takes its place when it is whole and on the disk: a run that
-is killed leaves no half-written file under its own name.
-"""
+"""Files that ParaView reads: numbers in HDF5, and XDMF that says what is where."""
 
 from __future__ import annotations
 
 import contextlib
-import os
 from numbers import Real
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Callable, Sequence
+from typing import Any, Sequence
 from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
-from .errors import ContactError, InputError, together
-
-TEMPORARY = ".tmp"  # ends the names of files that are being written
+from .errors import ContactError, InputError
+from .hdf5 import NewFile, reason, write_text
 
 #: names of XDMF for cells of degree 1 and 2; those of VTK's order of nodes
 _TOPOLOGY = {
@@ -70,179 +61,6 @@ def vtk_order(shape: str, points: npt.NDArray[np.float64]) -> npt.NDArray[np.int
     return order
 
 
-# -- HDF5 -----------------------------------------------------------------------------------------
-
-
-class File:
-    """A new HDF5 file, as a context that all ranks enter together.
-
-    An error of rank 0 waits for the end of the context, since other ranks are sending to it, and is
-    then raised on all ranks; the file is not there then.
-
-    Args:
-        comm: communicator of those who write
-        path: of the file; one of this name is replaced
-
-    Raises:
-        ContactError: at the end, on all ranks, if it cannot be written
-    """
-
-    def __init__(self, comm: MPI.Comm, path: Path):
-        self.comm, self.path = comm, path
-        self._temporary = path.with_name(path.name + TEMPORARY)
-        self._file, self._disk, self._failure = None, None, None
-
-    def __enter__(self) -> File:
-        if self.comm.rank == 0:
-            try:
-                import h5py
-
-                self._disk = _Disk(self._temporary)
-                self._file = h5py.File(self._disk, "w")
-            except Exception as error:
-                self._failure = error
-        return self
-
-    def put(self, name: str, rows: npt.NDArray[Any]) -> ElementTree.Element:
-        """Write all ranks' rows, one rank's after the other's. Collective.
-
-        Args:
-            name: of the dataset
-            rows: this rank's, (n,) or (n, components); integers or float64
-
-        Returns:
-            XDMF's DataItem
-        """
-        kind = np.int64 if rows.dtype.kind in "iu" else np.float64
-        rows = np.ascontiguousarray(rows, dtype=kind)
-        counts = self.comm.allgather(len(rows))
-        shape = (sum(counts), *rows.shape[1:])
-        if self.comm.rank > 0:
-            self.comm.Send(rows, dest=0)
-        else:
-            self._try(lambda: self._file.create_dataset(name, shape, kind))
-            first = 0
-            for rank, count in enumerate(counts):
-                if rank > 0:
-                    rows = np.empty((count, *shape[1:]), dtype=kind)
-                    self.comm.Recv(rows, source=rank)
-                self._try(lambda: self._write(name, first, rows))
-                first += count
-        item = ElementTree.Element(
-            "DataItem",
-            Dimensions=" ".join(map(str, shape)),
-            NumberType="Int" if kind is np.int64 else "Float",
-            Precision="8",
-            Format="HDF",
-        )
-        item.text = f"{self.path.name}:/{name}"
-        return item
-
-    def _write(self, name: str, first: int, rows: npt.NDArray[Any]) -> None:
-        if len(rows) > 0:
-            self._file[name].write_direct(rows, None, np.s_[first : first + len(rows)])
-
-    def _try(self, write: Callable[[], Any]) -> None:
-        """Write on rank 0, if all has gone well so far."""
-        if self._failure is None:
-            try:
-                write()
-                self._failure = self._disk.failure
-            except Exception as error:
-                self._failure = error
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._close()
-        if error is not None:
-            return
-        with together(self.comm, "Writer"):
-            if self.comm.rank == 0:
-                self._try(lambda: put_in_place(self._temporary, self.path))
-                if self._failure is not None:
-                    with contextlib.suppress(OSError):
-                        self._temporary.unlink(missing_ok=True)
-                    raise ContactError(
-                        f"Writer: {self.path} cannot be written: {_reason(self._failure)}"
-                    ) from self._failure
-
-    def _close(self) -> None:
-        """Close what is open, whatever has happened."""
-        for part in (self._file, self._disk):
-            if part is not None:
-                try:
-                    part.close()
-                except Exception as error:
-                    self._failure = self._failure or error
-        if self._disk is not None:
-            self._failure = self._failure or self._disk.failure
-
-
-class _Disk:
-    """A file for h5py that never fails, and tells of its failure later: HDF5 would crash at the end
-    of the process where it cannot write the last part of a file that it has open."""
-
-    def __init__(self, path: Path):
-        self._file = open(path, "w+b", buffering=0)
-        for name in ("read", "readinto", "seek", "tell"):
-            setattr(self, name, getattr(self._file, name))
-        self.failure: OSError | None = None
-
-    def write(self, data: Any) -> int:
-        rest = memoryview(data).cast("B")
-        try:
-            while self.failure is None and len(rest) > 0:
-                rest = rest[self._file.write(rest) :]
-        except OSError as error:
-            self.failure = error
-        return len(data)
-
-    def truncate(self, size: int) -> int:
-        try:
-            self._file.truncate(size)
-        except OSError as error:
-            self.failure = self.failure or error
-        return size
-
-    def flush(self) -> None:
-        """Nothing is kept back."""
-
-    def close(self) -> None:
-        try:
-            self._file.close()
-        except OSError as error:
-            self.failure = self.failure or error
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, ModuleNotFoundError):
-        return "the Python package h5py is missing (Debian: python3-h5py)."
-    return f"{error}. Is there space left, and may you write there?"
-
-
-def put_in_place(temporary: Path, path: Path) -> None:
-    """Give a whole file its name, once it is on the disk."""
-    with open(temporary, "rb+") as file:
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Replace a text file by a whole new one."""
-    temporary = path.with_name(path.name + TEMPORARY)
-    temporary.write_text(text, encoding="utf-8")
-    put_in_place(temporary, path)
-
-
 def last_time(who: str, resume: Any) -> float:
     """The last time that stays when files are resumed: a sum of steps has round-off."""
     if not (isinstance(resume, Real) and np.isfinite(resume)):
@@ -253,8 +71,30 @@ def last_time(who: str, resume: Any) -> float:
 # -- XDMF -----------------------------------------------------------------------------------------
 
 
+def data_item(file: NewFile, name: str, rows: npt.NDArray[Any]) -> ElementTree.Element:
+    """Write all ranks' rows, and say where they are: XDMF's DataItem. Collective.
+
+    Args:
+        file: to write them to
+        name: of the dataset
+        rows: this rank's, (n,) or (n, components); integers or floating-point numbers
+    """
+    kind = np.int64 if rows.dtype.kind in "iu" else np.float64
+    shape = file.put(name, rows.astype(kind, copy=False))
+    item = ElementTree.Element(
+        "DataItem",
+        Dimensions=" ".join(map(str, shape)),
+        NumberType="Int" if kind is np.int64 else "Float",
+        Precision="8",
+        Format="HDF",
+    )
+    if file.comm.rank == 0:
+        item.text = f"{file.path.name}:/{name}"
+    return item
+
+
 def topology(
-    file: File, name: str, cells: npt.NDArray[np.int64], shape: str, degree: int
+    file: NewFile, name: str, cells: npt.NDArray[np.int64], shape: str, degree: int
 ) -> ElementTree.Element:
     """XDMF's Topology of cells whose points are numbered over all ranks, in VTK's order. Collective.
 
@@ -264,7 +104,7 @@ def topology(
         cells: this rank's; (n, nodes)
         shape, degree: of the cells; "point" is a cell too, of degree 1
     """
-    item = file.put(name, cells)
+    item = data_item(file, name, cells)
     element = ElementTree.Element(
         "Topology",
         TopologyType=_TOPOLOGY[shape, degree],
@@ -275,15 +115,15 @@ def topology(
     return element
 
 
-def geometry(file: File, name: str, points: npt.NDArray[np.float64]) -> ElementTree.Element:
+def geometry(file: NewFile, name: str, points: npt.NDArray[np.float64]) -> ElementTree.Element:
     """XDMF's Geometry of this rank's points, (n, 3). Collective."""
     element = ElementTree.Element("Geometry", GeometryType="XYZ")
-    element.append(file.put(name, points))
+    element.append(data_item(file, name, points))
     return element
 
 
 def attribute(
-    file: File, prefix: str, name: str, centre: str, values: npt.NDArray[Any]
+    file: NewFile, prefix: str, name: str, centre: str, values: npt.NDArray[Any]
 ) -> ElementTree.Element:
     """XDMF's Attribute of this rank's values. Collective.
 
@@ -299,7 +139,7 @@ def attribute(
     element = ElementTree.Element(
         "Attribute", Name=name, AttributeType=kinds[components], Center=centre
     )
-    element.append(file.put(f"{prefix}/{name.replace('/', '_')}", values))
+    element.append(data_item(file, f"{prefix}/{name.replace('/', '_')}", values))
     return element
 
 
@@ -382,6 +222,4 @@ def append(added: Sequence[tuple[Series, ElementTree.Element]]) -> None:
             series.grids.remove(grid)
             with contextlib.suppress(OSError):  # where there is no space for less either
                 series.write()
-        raise ContactError(
-            f"Writer: the .xdmf files cannot be written: {_reason(error)}"
-        ) from None
+        raise ContactError(f"Writer: the .xdmf files cannot be written: {reason(error)}") from None

@@ -446,7 +446,6 @@ def test_mixed_spaces_and_spaces_of_any_degree(folder):
         for i, h in enumerate((f, g)):
             parts = [h.sub(k) for k in range(2)] if len(checkpoint.dof_tables(V, "")) > 1 else [h]
             for part in parts:
-                components = len(whole(np.zeros((3, 1))))
                 try:
                     part.interpolate(whole)
                 except RuntimeError:
@@ -595,7 +594,7 @@ def test_a_full_disk(size, folder):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
-        expect(dc.ContactError, lambda: stepping.save(file), "run.h5", "could not be written")
+        expect(dc.ContactError, lambda: stepping.save(file), "run.h5", "cannot be written")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert file.read_bytes() == data and sorted(os.listdir(folder)) == ["run.h5"]
@@ -613,7 +612,7 @@ def test_a_crash_before_the_end(name, folder, monkeypatch):
     def fail(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(checkpoint.os, name, fail)
+    monkeypatch.setattr(os, name, fail)
     expect(dc.ContactError, lambda: stepping.save(file, b=2), "No space left on device")
     assert file.read_bytes() == data
 

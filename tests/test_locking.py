@@ -11,7 +11,6 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-import dolfinx_contact as dc
 from dolfinx_contact import meshes
 
 ROOT = Path(__file__).parent.parent

@@ -484,7 +484,7 @@ def test_resume(folder):
             before = sample(folder)
             # what a killed run may leave, and what is not ours
             (folder / "step_00005.h5").write_bytes((folder / "step_00004.h5").read_bytes()[:3000])
-            for name in ("step_00006.h5.tmp", "bulk.xdmf.tmp", "notes.txt", "step_1.txt"):
+            for name in ("step_00006.h5.part", "bulk.xdmf.part", "notes.txt", "step_1.txt"):
                 (folder / name).write_text("x")
             assert sample(folder) == before
             shutil.copytree(folder, folder.parent / "again")

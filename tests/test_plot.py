@@ -21,7 +21,7 @@ MU = 0.3
 def blocks(dim, degree=1, cell=None):
     """Two blocks, pressed and sheared in one step of each; the displacement, pair, reports."""
     cell = cell or {2: "quadrilateral", 3: "hexahedron"}[dim]
-    low, high, mid = [0] * dim, [1] * dim, [1] * (dim - 1)
+    low, mid = [0] * dim, [1] * (dim - 1)
     bodies = [
         meshes.grid([3] * dim, [0.1] * (dim - 1) + [0], [0.9] * (dim - 1) + [0.5], cell=cell),
         meshes.grid([2] * dim, low[:-1] + [-0.5], mid + [0], cell=cell),
