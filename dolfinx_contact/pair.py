@@ -23,8 +23,10 @@ from .rules import (
     Simpson,
     SlaveNormal,
     Smooth,
+    basis_values,
     check_determined,
 )
+from .stretch import area_stretch
 from .surface import Surface, basis_polynomials, check_available, check_tags
 from .tools import RigidTool
 
@@ -142,6 +144,7 @@ class ContactPair:
                 compat.function_space(mesh, space, slave.dim), name="friction"
             )
         self._accepted: dict[str, Any] | None = None  # tables of the last accepted solution
+        self._true: fem.Function | None = None
 
     @property
     def frictional(self) -> bool:
@@ -317,6 +320,31 @@ class ContactPair:
         """Total contact force on the slave, (dim,) [force]: ∫ t dΓ of (F1). Collective."""
         table = self._solved()
         return self.comm.allreduce(table["weight"] @ table["traction"])
+
+    @property
+    def true_pressure(self) -> fem.Function:
+        """Contact pressure on the current area, ≥ 0 in compression [force/current area].
+
+        A Function on slave.mesh, which jumps between facets that are stretched differently: at each
+        node of a facet the nominal pressure over the stretch of the area there (Nanson's formula).
+        Collective.
+
+        Raises:
+            ContactError: the pair has not been solved
+        """
+        self._solved()
+        degree = int(self.pressure_space[1])
+        if self._true is None:
+            V = compat.function_space(self.slave.mesh, ("DG", degree))
+            self._true = fem.Function(V, name="true pressure")
+        p, out = self.pressure.function_space, self._true.function_space
+        points = basis_polynomials(self.slave.shape, degree, "DG")[2]
+        stretch = area_stretch(self, points)
+        cells = compat.dof_list(p)[: len(stretch)]
+        nominal = self.pressure.x.array[cells] @ basis_values(self._psi, points).T
+        self._true.x.array[compat.dof_list(out)[: len(stretch)]] = nominal / stretch
+        self._true.x.scatter_forward()
+        return self._true
 
     def friction_resultant(self) -> npt.NDArray[np.float64]:
         """Friction's part of the resultant, (dim,) [force]. Collective."""
