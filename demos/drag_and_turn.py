@@ -199,11 +199,7 @@ if comm.rank == 0:
     moments = {"pressed": 0.25, "being turned": 0.4, "dragged a little": 0.6, "all slips": 1.0}
     for axes, (name, time) in zip(panels.ravel()[[0, 1, 3, 4]], moments.items()):
         p = states[np.argmin(np.abs(t - time))]
-        size = 0.5 + 12 * np.maximum(p.pressure, 0) / p.pressure.max()
-        for status, colour in (("open", "0.8"), ("slip", "C1"), ("stick", "C0")):
-            k = p.status == status
-            axes.scatter(*p.position[k, :2].T, s=size[k], color=colour)
-            axes.scatter([], [], s=12, color=colour, label=status)
+        dc.plot.status(p, title=f"t = {time}: {name}", axes=axes, plane=(0, 1))
         # one arrow a node of the slave that carries friction
         lattice = (p.reference[:, :2] + 0.8) * n / 1.6
         k = np.flatnonzero(np.abs(lattice - np.rint(lattice)).max(axis=1) < 1e-6)
@@ -211,8 +207,7 @@ if comm.rank == 0:
         k = k[p.pressure[k] > 0]
         scale = dict(angles="xy", scale_units="xy", scale=36, width=0.005, zorder=3)
         axes.quiver(*p.position[k, :2].T, *p.friction[k, :2].T, **scale)
-        axes.set(title=f"t = {time}: {name}", xlim=(-0.85, 1.05), ylim=(-0.9, 0.9), aspect="equal")
-    panels[0, 0].legend(loc="upper right", fontsize=9)
+        axes.set(xlim=(-0.85, 1.05), ylim=(-0.9, 0.9), aspect="equal")
     above, below = panels[:, 2]
     above.plot(t, force, "o-", markersize=3, label="friction force / μ ∫ p")
     above.plot(t, moment, "s-", markersize=3, label="friction moment / μ ∫ p r")

@@ -25,7 +25,6 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
@@ -189,20 +188,16 @@ class Axisymmetric:
         return np.column_stack([r, *mean])
 
     def cells(self):
-        """Corners of the deformed cells, on rank 0."""
-        cells = self.mesh.topology.index_map(2).size_local
-        dofs = [self.V.dofmap.cell_dofs(c)[:4] for c in range(cells)]  # of the corners
-        dofs = np.array(dofs, dtype=int).reshape(-1, 4)
-        x = self.V.tabulate_dof_coordinates()[:, :2] + self.u.x.array.reshape(-1, 2)
-        parts = comm.gather(x[dofs][:, [0, 1, 3, 2]], root=0)
-        return None if comm.rank else np.concatenate(parts)
+        """Outlines of the deformed cells, on rank 0."""
+        shapes = dc.plot.gather_bodies(self.u)
+        return None if shapes is None else shapes.corners[0]
 
     def plastic(self):
         """Mean plastic strain of the cells, on rank 0."""
         cells = self.mesh.topology.index_map(2).size_local
         strain = self.sheet.values(self.sheet.plastic_strain).reshape(cells, -1).mean(axis=1)
-        parts = comm.gather(strain, root=0)
-        return None if comm.rank else np.concatenate(parts)
+        shapes = dc.plot.gather_bodies(self.u, strain)
+        return None if shapes is None else shapes.values
 
 
 def quarter(n):
@@ -280,13 +275,16 @@ if comm.rank == 0:
     (first, second), (force, strain) = figure.subplots(2, 2)
     shown = [STOPS[-min(len(STOPS), k)] for k in (2, 1)]
     for axes, travel in zip((first, second), shown):
-        cells, ep = with_friction.at("cells", travel), with_friction.at("plastic", travel)
-        for sign in (-1, 1):
-            polygons = PolyCollection(
-                cells * [sign, 1], array=ep, cmap="viridis", edgecolor="face"
-            )
-            axes.add_collection(polygons)
-        figure.colorbar(polygons, ax=axes, label="plastic strain", shrink=0.7)
+        half = dc.plot.Shapes(
+            [with_friction.at("cells", travel)], with_friction.at("plastic", travel)
+        )
+        dc.plot.bodies(
+            [half, half.mirrored()],
+            title=f"with friction, travel {travel:g}",
+            label="plastic strain",
+            edges=False,
+            axes=axes,
+        )
         a = np.linspace(-1.3, 1.3, 200)
         axes.plot(PUNCH * np.sin(a), 1 + PUNCH - travel - PUNCH * np.cos(a), "0.4")
         for sign in (-1, 1):
@@ -295,8 +293,6 @@ if comm.rank == 0:
             axes.plot(sign * np.append(x, x[-1]), np.append(y, -50), "0.4")
         axes.set_xlim(-65, 65)
         axes.set_ylim(-48, 15)
-        axes.set_aspect("equal")
-        axes.set_title(f"with friction, travel {travel:g}")
     for run, colour, name in ((with_friction, "C3", "μ = 0.3"), (without, "C0", "μ = 0")):
         force.plot(run.rows[:, 0], run.rows[:, 1] / 1e3, colour, label=name)
         points = [(t, f) for t, f in REFERENCE[run.mu].items() if t <= args.travel]

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from . import render
 from .errors import ContactError, InputError, together
-from .pair import ContactPair
+from .pair import ContactPair, Particles
 from .report import Report
 from .shapes import Shapes, gather_bodies, gather_friction, gather_pressure
 
@@ -162,20 +162,20 @@ def pressure(
 
 
 def status(
-    pair: ContactPair,
+    shown: ContactPair | Particles,
     file: str | Path | None = None,
     title: str | None = None,
     *,
     axes: Any = None,
     plane: Sequence[int] | None = None,
 ) -> Any:
-    """Draw which particles are open, slip and stick. Collective.
+    """Draw which particles are open, slip and stick. Collective, unless particles are given.
 
     In 2D their pressure along the surface; in 3D the particles on a coordinate plane, as large as
     their pressure.
 
     Args:
-        pair: a pair that has been solved
+        shown: a pair that has been solved, or particles that have been gathered
         file, title, axes: as for pressure
         plane: in 3D the two coordinates to draw; None: those in which the surface is largest
 
@@ -185,7 +185,9 @@ def status(
     Raises:
         ContactError: on all ranks, if the pair has not been solved or the file cannot be written
     """
-    particles = pair.particles.gather()
+    particles, comm = shown, None
+    if isinstance(shown, ContactPair):
+        particles, comm = shown.particles.gather(), shown.comm
 
     def draw(figure: Any, axes: Any) -> None:
         x, p = particles.position, particles.pressure
@@ -206,7 +208,7 @@ def status(
         if title:
             axes.set_title(title)
 
-    return _picture(draw, pair.comm, particles is not None, file, axes, "plot.status")
+    return _picture(draw, comm, particles is not None, file, axes, "plot.status")
 
 
 def history(

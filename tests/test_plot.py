@@ -131,9 +131,9 @@ def test_axes_of_the_user(solved):
     panels = figure.subplots(2, 2).ravel() if COMM.rank == 0 else [None] * 4
     assert dc.plot.bodies(u, axes=panels[0]) in (figure, None)
     dc.plot.pressure(pair, axes=panels[1])
-    dc.plot.status(pair, axes=panels[2], title="status")
     particles = pair.particles.gather()
     if COMM.rank == 0:
+        dc.plot.status(particles, axes=panels[2], title="status")
         dc.plot.convergence(reports[0], axes=panels[3])
         assert panels[2].get_title() == "status"
         labels = {text.get_text() for text in panels[2].get_legend().get_texts()}
