@@ -8,6 +8,7 @@ window; a notebook shows those that are returned.
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any, Mapping, Sequence
 
@@ -308,6 +309,15 @@ def convergence(
     return _picture(draw, None, True, file, axes, "plot.convergence")
 
 
+class _Figure(Figure):
+    """Shows itself in a notebook, which knows of figures only if pyplot has told it."""
+
+    def _repr_png_(self) -> bytes:
+        data = io.BytesIO()
+        self.savefig(data, format="png")
+        return data.getvalue()
+
+
 def _picture(
     draw: Any, comm: Any, here: bool, file: str | Path | None, axes: Any, stage: str
 ) -> Any:
@@ -319,7 +329,7 @@ def _picture(
         if not here:
             return
         if axes is None:
-            figure = Figure(figsize=(7.5, 5), constrained_layout=True)
+            figure = _Figure(figsize=(7.5, 5), constrained_layout=True)
             FigureCanvasAgg(figure)
             axes = figure.add_subplot()
         else:
