@@ -105,6 +105,7 @@ bench: install
 	$(PY) benchmarks/scaling.py --output docs/scaling.md
 	$(PY) benchmarks/parallel.py --compare 2
 	$(PY) benchmarks/exchange.py
+	$(PY) benchmarks/long_run.py
 	$(PY) benchmarks/memory.py --solver iterative
 	$(PY) benchmarks/solvers.py --output docs/linear_solvers.md
 	$(PY) benchmarks/getfem_comparison.py

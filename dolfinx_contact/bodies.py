@@ -145,7 +145,10 @@ class Bodies:
         x, y = A.createVecs()
         x.array[self._layout.slice(block)] = mode
         A.mult(x, y)
-        return np.array(y.array_r)
+        product = np.array(y.array_r)
+        x.destroy()
+        y.destroy()
+        return product
 
     def _describe(self, Y: Any, gram: Any, names: list[list[str]]) -> str:
         resisted = np.sqrt(self._comm.allreduce(np.sum(Y**2, axis=0)) / np.diag(gram))

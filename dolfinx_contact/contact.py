@@ -38,6 +38,12 @@ class NodeValues:
         self._values = PETSc.Vec().createSeq(len(indices))
         wanted = PETSc.IS().createGeneral(indices.astype(PETSc.IntType), PETSc.COMM_SELF)
         self._scatter = PETSc.Scatter().create(self._vector, wanted, self._values, None)
+        wanted.destroy()
+
+    def free(self) -> None:
+        """Free the memory: PETSc 3.18 keeps what Python merely lets go of. Collective."""
+        self._scatter.destroy()
+        self._values.destroy()
 
     def __call__(self, vector: Any = None) -> npt.NDArray[np.float64]:
         """The present values, flat, (n × block size,). Collective."""
@@ -144,6 +150,8 @@ class PairAssembly:
             self._excluded_friction = self._exclude(
                 pair._semi_multiplier, pair.friction_space, pair._phi
             )
+        self._master_values: NodeValues | None = None  # of the facets that are here
+        self._old: list[Any] | None = None  # displacements of slave and master, PETSc's vectors
         self.remember()
 
     def _exclude(self, function: Any, space: Any, basis: Any) -> npt.NDArray[np.bool_]:
@@ -238,23 +246,24 @@ class PairAssembly:
 
     def remember(self) -> None:
         """The present displacements are those of the last accepted step: slips start there."""
-        slave = compat.petsc_vec(self.pair.slave.u).copy()
-        master = None
-        if not self.pair.tools:
-            master = compat.petsc_vec(self.pair.master.u).copy()
+        surfaces = [self.pair.slave] if self.pair.tools else [self.pair.slave, self.pair.master]
+        now = [compat.petsc_vec(surface.u) for surface in surfaces]
+        if self._old is None:
+            self._old = [vector.duplicate() for vector in now]
+        for old, vector in zip(self._old, now):
+            vector.copy(old)
         self._old_motions = self._motions()
-        self._old = slave, master
         if self._friction is not None:
             self._friction.accept()
         self._tell_old()
 
     def _tell_old(self) -> None:
         """Give the assembler the old displacements. Collective."""
-        slave, master = self._old
+        slave, *master = self._old
         if self.pair.tools:
             self.assembler.remember(self._slave_values(slave), np.zeros(0))
         elif self._facets.fetched:
-            self.assembler.remember(self._slave_values(slave), self._master_values(master))
+            self.assembler.remember(self._slave_values(slave), self._master_values(*master))
 
     @property
     def tangents(self) -> npt.NDArray[np.float64] | None:
@@ -372,7 +381,7 @@ class PairAssembly:
         Raises:
             ContactError: on all ranks, if a displacement is not finite
         """
-        slave_u, master_u = self._old if at_rest else (None, None)
+        slave_u, master_u = (*self._old, None)[:2] if at_rest else (None, None)
         slave = self._slave_values(slave_u)
         ringed = np.zeros(0) if self.pair.tools else self._ringed_values(master_u)
         with together(self._comm, "contact search"):
@@ -446,6 +455,8 @@ class PairAssembly:
     def _hold(self, master: Any) -> None:
         """Give the assembler other master facets. Collective."""
         self.master = master
+        if self._master_values is not None:
+            self._master_values.free()
         self._master_values = NodeValues(self.pair.master.u, master.node_table)
         held = self._master_values(self._held_master)
         dofs = self._layout.node_dofs(self._master_block, master.node_table, held)
@@ -469,6 +480,7 @@ class PairAssembly:
         dim, own = self.pair.slave.dim, self._own
         nodes = np.searchsorted(self._ringed_slave.node_table, own.nodes)
         mean = self._slave_values(vector).reshape(-1, dim).mean(axis=1)[nodes].mean(axis=1)
+        vector.destroy()
         weights = _cpp.particle_weights(own, _cpp.simpson(self._shape, 0), self.pair.axisymmetric)
         sums = self._comm.allreduce(np.array([np.abs(mean).sum(), weights.sum()]))
         return float(max(sums[0] / sums[1], np.finfo(float).tiny ** 0.25))

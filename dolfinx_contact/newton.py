@@ -93,6 +93,7 @@ class NewtonLoop:
         self._start = len(report.status_changes)
         start = time.perf_counter()
         snes = PETSc.SNES().create(system.comm)
+        self._trial = system.x.duplicate(), system.x.duplicate()
         try:
             self._set(snes)
             snes.solve(None, system.x)
@@ -104,7 +105,9 @@ class NewtonLoop:
                 report.reason += " / " + _linear_name(snes.getKSP().getConvergedReason())
             system.write(system.x)
         finally:
-            snes.destroy()
+            # PETSc 3.18 keeps what Python merely lets go of
+            for thing in (snes, *self._trial):
+                thing.destroy()
             database = PETSc.Options()
             for key in self._keys:
                 if database.hasName(key):
@@ -148,7 +151,7 @@ class NewtonLoop:
         system, norms = self.system, self.report.norms[self._start :]
         recent = norms[-1 - _PATIENCE : -1]
         progress = len(recent) < _PATIENCE or norms[-1] <= 0.5 * min(recent)
-        trial, b, tried = x.duplicate(), x.duplicate(), []
+        (trial, b), tried = self._trial, []
         system.mark()
         most = system.driven.longest(step)
         adrift = system.driven.adrift(system.contacts)

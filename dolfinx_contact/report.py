@@ -18,7 +18,7 @@ def told(changes: Sequence[int]) -> str:
     return ", ".join(words) or "no change of status"
 
 
-@dataclass
+@dataclass(slots=True)
 class Report:
     """Record of one solve.
 

@@ -20,7 +20,7 @@ log = logging.getLogger("dolfinx_contact")
 _EASY = 6  # a step of so many iterations went well
 
 
-@dataclass
+@dataclass(slots=True)
 class Step:
     """An accepted step.
 

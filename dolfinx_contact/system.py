@@ -276,6 +276,8 @@ class System:
             for block in range(len(self.u)):
                 vector.array[self.layout.slice(block)] = scale[block]
         A.diagonalScale(left, right)
+        left.destroy()
+        right.destroy()
 
     def _add_bulk_pattern(self, pattern: Any) -> None:
         """Places of the bulk's Jacobian. Collective."""
