@@ -117,7 +117,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.small:
         options.sizes, options.friction = (6, 10), (0.3,)
     measure = run if options.small else in_a_process_of_its_own
-    logging.disable(logging.WARNING)
     if options.child:
         n, kind, friction, max_it = options.child
         result = run(int(n), kind, float(friction), int(max_it))
@@ -178,4 +177,5 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
+    logging.disable(logging.WARNING)  # of FFCx, that it compiles
     main()

@@ -6,9 +6,12 @@ Formulas are drawn by Debian's MathJax, of which the pages get a copy: no networ
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
 root = Path(__file__).resolve().parent.parent
+# the installed package: the source directory has no extension module
+sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != root]
 
 project = "dolfinx_contact"
 author = copyright = "the dolfinx_contact authors"

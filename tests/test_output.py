@@ -458,7 +458,11 @@ def test_killed(lines, folder):
     mpirun = ("OMPI_", "PMIX_", "ORTE_", "PRTE_")  # the child is not of its processes
     environment = {name: v for name, v in os.environ.items() if not name.startswith(mpirun)}
     child = subprocess.Popen(
-        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment
+        [sys.executable, "-c", script],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
+        cwd=folder,  # not where the sources are: they have no extension module
     )
     try:
         for _ in range(lines):

@@ -398,6 +398,7 @@ private:
   void carry_over(std::vector<State>& states, const Surface& master) const;
 
   Surface _slave, _master;
+  bool _met = false;          // whether states may have targets, here or elsewhere
   std::vector<double> _reach; // of each own facet, none: infinite
   int _own;
   std::shared_ptr<const RigidTool<D>> _tool;

@@ -207,6 +207,7 @@ void Assembler<D>::resume(std::vector<State> states, double dissipated)
   cloud.states = std::move(states);
   if (not _tool)
     carry_over(cloud.states, _master);
+  _met = true; // they may have targets that are yet to come
   _now = _accepted = _marked = std::move(cloud);
   _frozen = {};
   _dissipated = dissipated;

@@ -18,17 +18,20 @@ void Assembler<D>::carry_over(std::vector<State>& states, const Surface& master)
     const auto it = std::lower_bound(master.id.begin(), master.id.end(), id);
     return it != master.id.end() and *it == id ? static_cast<int>(it - master.id.begin()) : -1;
   };
+  std::vector<int> now(_master.size()); // many particles share a facet
+  std::transform(_master.id.begin(), _master.id.end(), now.begin(), find);
   for (State& s : states)
   {
     if (s.target.facet >= 0 or s.away >= 0)
     {
-      const std::int64_t id = s.target.facet >= 0 ? _master.id[s.target.facet] : s.away;
-      const int f = find(id);
+      const bool here = s.target.facet >= 0;
+      const std::int64_t id = here ? _master.id[s.target.facet] : s.away;
+      const int f = here ? now[s.target.facet] : find(id);
       s.target.facet = f >= 0 and master.candidate[f] ? f : -1;
       s.away = s.target.facet >= 0 ? -1 : id; // it may come back
     }
     if (s.cell >= 0)
-      s.cell = find(_master.id[s.cell]);
+      s.cell = now[s.cell];
   }
 }
 
@@ -40,8 +43,10 @@ void Assembler<D>::set_master(Surface master, std::vector<PetscInt> dofs, std::v
   if (not reach.empty() and std::ssize(reach) != _own)
     throw std::invalid_argument("Assembler: one reach for each own facet is needed");
   _reach = std::move(reach);
-  for (Cloud* cloud : {&_now, &_accepted, &_marked})
-    carry_over(cloud->states, master);
+  if (_met) // else there are no targets yet, in states that fill the memory
+    for (Cloud* cloud : {&_now, &_accepted, &_marked})
+      carry_over(cloud->states, master);
+  _met = _met or master.size() > 0;
   _master = std::move(master);
   _master_dofs = std::move(dofs);
   _adder.forget();
