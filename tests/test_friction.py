@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import ufl
@@ -28,6 +31,9 @@ from problems import ROTATION as TURN
 import dolfinx_contact as dc
 from dolfinx_contact import compat
 from dolfinx_contact.held import local_dofs
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
+from long_run import ironing  # noqa: E402
 
 COMM = MPI.COMM_WORLD
 MU, YOUNG, PRESS, DRAG = 0.3, 1e3, 0.02, 0.05
@@ -330,3 +336,15 @@ def test_a_dragged_cube():
     force = MU * COMM.allreduce(particles.weight @ particles.pressure)
     assert abs(pair.friction_resultant() @ normal) < 1e-2 * force
     assert pair.friction_resultant() @ aside == pytest.approx(-force, rel=1e-4)
+
+
+def test_a_particle_opposite_a_node_of_the_master():
+    """By symmetry a particle lies where two facets of the master meet, with a gap: its slip has one
+    value there, and Newton needs no smaller steps. (With tangential parts of the gap in either facet
+    it went to and fro until it was stopped.)"""
+    problem, pair, place = ironing(COMM, 24)
+    for depth in (0.05, 0.1, 0.15):
+        place(0, -depth)
+        assert problem.solve().iterations <= 8
+    across, along = pair.resultant()
+    assert abs(across) < 1e-8 * abs(along)

@@ -69,6 +69,13 @@ void Assembler<D>::remember(std::span<const double> u_slave, std::span<const dou
 {
   _slave.remember(u_slave);
   _master.remember(u_master);
+  if (interpolated() and _options.convected and _options.rubbing)
+  {
+    _old_normals = _normals;
+    std::swap(_master.x, _master.x_old);
+    _old_normals.update(_master);
+    std::swap(_master.x, _master.x_old);
+  }
 }
 
 // The gap d_n beyond which an open particle of a facet counts as closed.
@@ -289,8 +296,14 @@ Slip<D> Assembler<D>::slip_at(const State& s, const FacetPoint<D>& p, const Basi
                               const Vector<D>& x_old) const
 {
   const FacetPoint<D> old = evaluate<D>(_master.facet_x_old(s.target.facet), _master.np(), b, true);
-  const auto measure = _options.convected ? Slip<D>::convected : Slip<D>::increment;
-  return measure(p, old, s.x - p.x, x_old - old.x);
+  const Vector<D> r = s.x - p.x, r_old = x_old - old.x;
+  if (not _options.convected)
+    return Slip<D>::increment(p, old, r, r_old);
+  if (not interpolated())
+    return Slip<D>::convected(p, old, r, r_old);
+  const auto normal = [&](const NodalNormals<D>& normals)
+  { return InterpolatedNormal<D>(normals.at(_master, s.target.facet, s.target.xi.data())); };
+  return Slip<D>::convected(p, old, r, r_old, normal(_normals), normal(_old_normals));
 }
 
 // All variations of a closed particle's target.

@@ -413,6 +413,7 @@ private:
   std::vector<Sample> _samples; // at the particles of a facet, unless they move
   Search<D> _search;
   NodalNormals<D> _normals, _slave_normals; // of the master if interpolated, of the slave
+  NodalNormals<D> _old_normals;             // of the master at the last accepted step, for slips
   NodalNormals<D> _first_normals;           // of the slave as the step began
   Cloud _now, _accepted, _marked;
   mutable BlockAdder _adder;            // keeps the places of the blocks

@@ -15,9 +15,9 @@
 // which degrees of freedom they stand for.
 #pragma once
 
-#include "../geometry/normals.h"
 #include "facet_projection.h"
 #include "search.h"
+#include "slip.h"
 
 #include <Eigen/LU>
 #include <array>
@@ -60,7 +60,8 @@ enum Term : unsigned
   friction_row = 1u << 27,        // (F13) λ (δ(TΛ) − δp)
   row_turning = 1u << 28,         // (F13) δn (n·Λ) + n (δn·Λ)
   row_multiplier = 1u << 29,      // (F13) δλ (TΛ − p)
-  last_term = row_multiplier
+  last_term = row_multiplier,
+  slip_field = 1u << 30 // (F8') δn̄ at fixed ξ in δ⟦Δu⟧
 };
 
 /// Which normal enters the gap and the traction (formulation, section 5).
@@ -137,107 +138,6 @@ struct Rules
   TargetRule target = TargetRule::proximity;
   NormalRule normal = NormalRule::facet;
   bool turning = false; ///< e is the slave's own normal and turns with it
-};
-
-/// The slip ⟦Δu⟧ of a particle since the last accepted step ("old"), and its first derivatives.
-template <int D>
-struct Slip
-{
-  static constexpr int Q = D - 1;
-  using Matrix = Eigen::Matrix<double, D, D>;
-  Vector<D> value = Vector<D>::Zero();
-  Matrix jump = Matrix::Zero();                                         ///< with ⟦u⟧
-  Matrix old = Matrix::Zero();                                          ///< with x¹_old
-  std::array<Matrix, Q> gradient;                                       ///< with ∂_α u²
-  Eigen::Matrix<double, D, Q> xi = Eigen::Matrix<double, D, Q>::Zero(); ///< with ξ
-
-  /// Convected: ⟦Δu⟧ = τ_α (c^α − c^α_old), c^α = τ^α·(x¹ − x²) and c^α_old likewise in the old
-  /// configuration, at the same target. A rigid motion changes neither, whatever the normals and
-  /// also at a clamped target; where x¹ − x² is normal to the facet, c^α = 0 and this is the
-  /// measure of the formulation, section 6.
-  /// @param p, old the target now and in the old configuration, both with curvature
-  /// @param r, r_old x¹ − x² now and in the old configuration
-  static Slip convected(const FacetPoint<D>& p, const FacetPoint<D>& old, const Vector<D>& r,
-                        const Vector<D>& r_old)
-  {
-    const Tangential now(p, r), then(old, r_old);
-    const Vector<Q> c = now.c - then.c;
-    Slip s;
-    s.value = p.tau * c;
-    s.jump = p.tau * now.inverse * p.tau.transpose();
-    s.old = -p.tau * then.inverse * old.tau.transpose();
-    for (int a = 0; a < Q; ++a)
-      s.gradient[a] = c[a] * Matrix::Identity() + p.tau * now.inverse.col(a) * now.rest.transpose()
-                      - now.c[a] * s.jump;
-    for (int b = 0; b < Q; ++b)
-      s.xi.col(b) = bend(p, b) * c + p.tau * (now.with_xi(p, b) - then.with_xi(old, b));
-    return s;
-  }
-
-  /// The paper's measure, ⟦Δu⟧ = Δu¹(X) − Δu²(Ȳ).
-  static Slip increment(const FacetPoint<D>& p, const FacetPoint<D>& old, const Vector<D>& r,
-                        const Vector<D>& r_old)
-  {
-    Slip s;
-    s.value = r - r_old;
-    s.jump.setIdentity();
-    s.old = -Matrix::Identity();
-    s.gradient.fill(Matrix::Zero());
-    s.xi = old.tau - p.tau;
-    return s;
-  }
-
-private:
-  // ∂_b τ_a, columns a
-  static Eigen::Matrix<double, D, Q> bend(const FacetPoint<D>& p, int b)
-  {
-    Eigen::Matrix<double, D, Q> out;
-    for (int a = 0; a < Q; ++a)
-      out.col(a) = p.d2(a, b);
-    return out;
-  }
-
-  // c = (τᵀτ)⁻¹ τᵀ r
-  struct Tangential
-  {
-    Eigen::Matrix<double, Q, Q> inverse; // of the metric
-    Vector<Q> c;
-    Vector<D> rest; // r − τ c
-
-    Tangential(const FacetPoint<D>& p, const Vector<D>& r)
-        : inverse((p.tau.transpose() * p.tau).inverse())
-        , c(inverse * (p.tau.transpose() * r))
-        , rest(r - p.tau * c)
-    {
-    }
-
-    // ∂c/∂ξ^b, with ∂_b r = −τ_b
-    Vector<Q> with_xi(const FacetPoint<D>& p, int b) const
-    {
-      const Eigen::Matrix<double, D, Q> dtau = bend(p, b);
-      return inverse * (dtau.transpose() * rest - p.tau.transpose() * (dtau * c))
-             - Vector<Q>::Unit(b);
-    }
-  };
-};
-
-/// n̄ = M/‖M‖ at a point of a facet, and how it varies.
-template <int D>
-struct InterpolatedNormal
-{
-  Vector<D> n = Vector<D>::Zero();
-  Eigen::Matrix<double, D, D - 1> dn = Eigen::Matrix<double, D, D - 1>::Zero(); ///< ∂_α n̄
-  Eigen::Matrix<double, D, D> of_m
-      = Eigen::Matrix<double, D, D>::Zero(); ///< δn̄ at fixed ξ: (I − n̄⊗n̄)/‖M‖ m
-
-  InterpolatedNormal() = default;
-  explicit InterpolatedNormal(const NormalField<D>& field)
-  {
-    const double length = field.M.norm();
-    n = field.M / length;
-    of_m = (Eigen::Matrix<double, D, D>::Identity() - n * n.transpose()) / length;
-    dn = of_m * field.dM;
-  }
 };
 
 /// Normal and gap of a target (no variations).
@@ -446,6 +346,9 @@ Kinematics<D> linearise(const Surface& master, const Target<D>& t, const Vector<
     if constexpr (not(Drop & slip_gradient))
       for (int a = 0; a < Q; ++a)
         k.z.slip.template middleCols<D>(D + a * D) = slip->gradient[a];
+    if constexpr (not(Drop & slip_field))
+      if (interpolated)
+        k.m.slip = slip->normal * nbar.of_m;
   }
   impl::follow<D, Drop>(p, dn, slip, k, k.z);
   if (interpolated)

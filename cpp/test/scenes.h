@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/QR>
+#include <optional>
 #include <stdexcept>
 
 namespace dolfinx_contact::test
@@ -66,11 +67,19 @@ Eigen::Matrix<double, D, D> random_rotation(std::mt19937& random)
         .toRotationMatrix();
 }
 
-/// ⟦Δu⟧ at ξ of facet f by its definitions: τ_α (τ^α·r − τ^α_old·r_old) with least squares for the
-/// dual bases, or r − r_old; r = x¹ − x².
+/// Interpolated normals of the master, now and in the old configuration.
+template <int D>
+struct BothNormals
+{
+  const NodalNormals<D>&now, &old;
+};
+
+/// ⟦Δu⟧ at ξ of facet f by its definitions: τ_α (c^α − c^α_old) with least squares r = τ_α c^α, or
+/// for interpolated normals r = τ_α c^α + d n̄; or r − r_old; r = x¹ − x².
 template <int D>
 Vector<D> slip_of(const Surface& m, int f, const Vector<D - 1>& xi, const Vector<D>& x1,
-                  const Vector<D>& x1_old, bool convected)
+                  const Vector<D>& x1_old, bool convected,
+                  std::optional<BothNormals<D>> normals = {})
 {
   BasisValues b;
   m.ref.position.tabulate(xi.data(), b);
@@ -79,6 +88,16 @@ Vector<D> slip_of(const Surface& m, int f, const Vector<D - 1>& xi, const Vector
   const Vector<D> r = x1 - p.x, r_old = x1_old - old.x;
   if (not convected)
     return r - r_old;
+  if (normals)
+  {
+    const auto c = [&](const FacetPoint<D>& at, const Vector<D>& r, const NodalNormals<D>& n)
+    {
+      Eigen::Matrix<double, D, D> A;
+      A << at.tau, n.at(m, f, xi.data()).M.normalized();
+      return Vector<D - 1>(A.colPivHouseholderQr().solve(r).template head<D - 1>());
+    };
+    return p.tau * (c(p, r, normals->now) - c(old, r_old, normals->old));
+  }
   const Vector<D - 1> c = p.tau.colPivHouseholderQr().solve(r),
                       c_old = old.tau.colPivHouseholderQr().solve(r_old);
   return p.tau * (c - c_old);
@@ -87,13 +106,21 @@ Vector<D> slip_of(const Surface& m, int f, const Vector<D - 1>& xi, const Vector
 /// The same as the library has it, with its derivatives.
 template <int D>
 Slip<D> library_slip(const Surface& m, const Target<D>& t, const Vector<D>& x1,
-                     const Vector<D>& x1_old, bool convected)
+                     const Vector<D>& x1_old, bool convected,
+                     std::optional<BothNormals<D>> normals = {})
 {
   BasisValues b;
   m.ref.position.tabulate(t.xi.data(), b, true);
   const FacetPoint<D> p = evaluate<D>(m.facet_x(t.facet), m.np(), b, true),
                       old = evaluate<D>(m.facet_x_old(t.facet), m.np(), b, true);
-  return (convected ? Slip<D>::convected : Slip<D>::increment)(p, old, x1 - p.x, x1_old - old.x);
+  const Vector<D> r = x1 - p.x, r_old = x1_old - old.x;
+  if (not convected)
+    return Slip<D>::increment(p, old, r, r_old);
+  if (not normals)
+    return Slip<D>::convected(p, old, r, r_old);
+  const auto at = [&](const NodalNormals<D>& n)
+  { return InterpolatedNormal<D>(n.at(m, t.facet, t.xi.data())); };
+  return Slip<D>::convected(p, old, r, r_old, at(normals->now), at(normals->old));
 }
 
 /// A particle and its target on one strongly curved facet of unit size.

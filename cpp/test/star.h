@@ -20,7 +20,7 @@ struct StarScene
   Rules rules;
   Clamp clamp;
   Surface master;
-  NodalNormals<D> normals;
+  NodalNormals<D> normals, old_normals;
   Eigen::VectorXd U; // particle (D), multiplier and friction (1, Q) in their scales, all nodes of
                      // the master, change of e
   Vector<D> e = Vector<D>::Zero();
@@ -131,7 +131,8 @@ struct StarScene
     BasisValues M;
     m.ref.displacement.tabulate(t.xi.data(), M);
     const double lambda = scales.pressure * V[D];
-    const Vector<D> slip = slip_of<D>(m, t.facet, t.xi, x, x1_old, convected);
+    const Vector<D> slip
+        = slip_of<D>(m, t.facet, t.xi, x, x1_old, convected, BothNormals<D>{n, old_normals});
     Eigen::VectorXd out = Eigen::VectorXd::Zero(cases.size() * rows());
     for (std::size_t c = 0; c < cases.size(); ++c)
     {
@@ -154,7 +155,8 @@ struct StarScene
     const Vector<D> x = U.template head<D>();
     const NormalField<D> field = normals.at(master, target.facet, target.xi.data());
     const FacetPoint<D> p = FacetProjection<D>(master, target.facet).at(target.xi, true);
-    const Slip<D> slip = library_slip<D>(master, target, x, x1_old, convected);
+    const Slip<D> slip = library_slip<D>(master, target, x, x1_old, convected,
+                                         BothNormals<D>{normals, old_normals});
     return linearise<D, Drop>(master, target, x, p, rules, e, &field, &slip);
   }
 
@@ -224,6 +226,7 @@ StarScene<D> draw_star(const Element& element, const Rules& rules, Clamp clamp,
                               return x;
                             }),
                    {},
+                   {},
                    {}};
     s.augmented = random() % 2;
     s.convected = random() % 2;
@@ -236,6 +239,10 @@ StarScene<D> draw_star(const Element& element, const Rules& rules, Clamp clamp,
     s.U[D] = -0.6;
     s.U.template segment<D - 1>(s.friction) = uniform_vector<D - 1>(random, -0.5, 0.5);
     s.master.remember(random_displacement(s.master, 0.06, random));
+    Surface old = s.master;
+    old.x = old.x_old;
+    s.old_normals = s.normals;
+    s.old_normals.update(old);
     s.move(s.U, s.master, s.normals);
 
     s.target.facet = random() % s.master.size();

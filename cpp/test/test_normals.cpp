@@ -71,6 +71,8 @@ void compare_star(std::array<int, num_bits>& count, std::integer_sequence<unsign
           CAPTURE(c, relative(K, fd));
           REQUIRE(fd.norm() > 0.01);
           REQUIRE(relative(K, fd) <= tol);
+          if (s.convected and status == Status::stick)
+            REQUIRE(relative(s.template derivative<true, slip_field>(status), fd) > 1e-5);
         }
         const Eigen::MatrixXd fd = all.topRows(s.rows()),
                               K = s.template derivative<false>(Status::closed);
