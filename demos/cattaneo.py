@@ -174,14 +174,11 @@ if comm.rank == 0:
     half = lambda a: np.sqrt(np.maximum(a**2 - line**2, 0))  # noqa: E731
     axes.plot(line, mu * p0 / b * half(b), "k-", linewidth=0.8, label="μ × pressure, theory")
     axes.plot(line, mu * p0 / b * (half(b) - half(c)), "k--", linewidth=0.8, label="shear, theory")
-    axes.plot(x, mu * p, ".-", color="C0", label="μ × pressure")
-    axes.plot(x, q, ".-", color="C3", label="shear")
+    curves = {"μ × pressure": mu * p, "shear": q}
+    dc.plot.history(x, curves, xlabel="x", ylabel="traction", axes=axes)
     axes.axvspan(-c, c, color="C2", alpha=0.12, label="sticks, theory")
     axes.set_xlim(-1.3 * b, 1.3 * b)
-    axes.set_xlabel("x")
-    axes.set_ylabel("traction")
     axes.set_title(f"Cattaneo–Mindlin, {facets} facets on the half-width: stick and slip")
-    axes.grid(alpha=0.3)
     axes.legend(fontsize=9)
     file = Path(__file__).parent / "pictures" / "cattaneo.png"
     file.parent.mkdir(exist_ok=True)

@@ -100,14 +100,20 @@ if comm.rank == 0:
     print(f"orders: straight {order[False]:.2f}, curved {order[True]:.2f}")
     figure = Figure(figsize=(6.5, 4.6), constrained_layout=True)
     axes = figure.add_subplot()
-    axes.loglog(sizes, np.abs(bias[False]), "o-", label="straight facets")
-    axes.loglog(sizes, np.abs(predicted), "k:", label="mean sagitta, h²/(12 R)")
-    axes.loglog(sizes, np.abs(bias[True]), "s-", label="curved facets (degree 2)")
-    axes.set_xlabel("facets on the sphere")
-    axes.set_ylabel("|mean relative error of the contact force|")
-    axes.set_title("Sphere on a block, displacements of degree 2")
-    axes.grid(alpha=0.3, which="both")
-    axes.legend()
+    errors = {
+        "straight facets": np.abs(bias[False]),
+        "mean sagitta, h²/(12 R)": np.abs(predicted),
+        "curved facets (degree 2)": np.abs(bias[True]),
+    }
+    dc.plot.history(
+        sizes,
+        errors,
+        title="Sphere on a block, displacements of degree 2",
+        xlabel="facets on the sphere",
+        ylabel="|mean relative error of the contact force|",
+        axes=axes,
+    )
+    axes.set(xscale="log", yscale="log")
     file = Path(__file__).parent / "pictures" / "sphere_on_block.png"
     file.parent.mkdir(exist_ok=True)
     figure.savefig(file, dpi=130)

@@ -122,12 +122,10 @@ if comm.rank == 0:
     figure = Figure(figsize=(8, 4.6), constrained_layout=True)
     axes = figure.add_subplot()
     for (name, (x, p)), style in zip(curves.items(), ("^:", "s--", "o-.", "D-", "k.-")):
-        axes.plot(x, p, style, label=name, markersize=4, linewidth=1.2)
+        labels = dict(xlabel="position along the interface", ylabel="contact pressure")
+        dc.plot.history(x, {name: p}, style=style, axes=axes, **labels)
     axes.axhline(exact, color="k", linewidth=0.8, label="exact")
-    axes.set_xlabel("position along the interface")
-    axes.set_ylabel("contact pressure")
     axes.set_title("Two blocks, 11 slave and 8 master facets: pressure by integration rule")
-    axes.grid(alpha=0.3)
     axes.legend(ncol=3, fontsize=9)
     file = here / "pictures" / "two_blocks.png"
     file.parent.mkdir(exist_ok=True)

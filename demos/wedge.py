@@ -84,21 +84,16 @@ if comm.rank == 0:
     figure = Figure(figsize=(9, 4.2), constrained_layout=True)
     left, right = figure.subplots(1, 2)
     left.axhline(exact, color="k", linewidth=0.8, label="all slip: exact")
-    left.plot(t, ratio, "o-", markersize=4, label="R_x / R_y")
-    left.plot(t, slips / (sticks + slips), "s:", markersize=3, label="part that slips")
+    curves = {"R_x / R_y": ratio, "part that slips": slips / (sticks + slips)}
+    label = "t (pressed until 0.2, then pushed)"
+    dc.plot.history(t, curves, xlabel=label, ylabel="", axes=left)
     left.axvline(0.2, color="0.7", linewidth=0.8)
-    left.set_xlabel("t (pressed until 0.2, then pushed)")
-    left.grid(alpha=0.3)
-    left.legend(fontsize=9)
     order = np.argsort(pressure[0][:, 0, 0])
     x, p = pressure[0][order][:, :, 0].ravel(), pressure[1][order].ravel()
     q = np.linalg.norm(friction[1][order], axis=2).ravel()
-    right.plot(x, p, label="pressure")
-    right.plot(x, q / mu, "--", label="friction / μ")
-    right.set_xlabel("position on the wedge, at the end")
-    right.set_ylabel("traction")
-    right.grid(alpha=0.3)
-    right.legend(fontsize=9)
+    label = "position on the wedge, at the end"
+    for style, curve in (("-", {"pressure": p}), ("--", {"friction / μ": q / mu})):
+        dc.plot.history(x, curve, xlabel=label, ylabel="traction", style=style, axes=right)
     figure.suptitle("A block pushed up a rigid wedge")
     file = Path(__file__).parent / "pictures" / "wedge.png"
     file.parent.mkdir(exist_ok=True)
