@@ -44,9 +44,10 @@ def test_steps_leave_no_memory_behind():
         way = abs((t / period) % 1 - 0.5)  # from 0.5 to 0 and back
         place(1.0 - 2 * way, -0.15 * min(t / 5, 1))
 
-    for step in dc.LoadStepping(problem, apply, end=60.0, step=1.0, progress=False):
+    for step in dc.LoadStepping(problem, apply, end=100.0, step=1.0, progress=False):
         pair.resultant()
-        if step.number in (20, 40, 60):
+        if step.number % 20 == 0:
             held.append(in_use())
-    most = COMM.allreduce(max(held[2] - held[1], 0), op=MPI.MAX)
-    assert most < 20 * 1500
+    # what a step leaves behind is in each difference; other things of this process are in some
+    growth = min(b - a for a, b in zip(held[1:], held[2:]))
+    assert COMM.allreduce(growth, op=MPI.MAX) < 20 * 1500
