@@ -132,7 +132,7 @@ def on_plane(comm: Any, partition: Any = striped) -> Scene:
     return Scene(model.problem(pair), apply, measure, {"step": 0.1})
 
 
-def plastic(comm: Any, partition: Any = None) -> Scene:
+def plastic(comm: Any, partition: Any = striped) -> Scene:
     """An elastic-plastic block under a ball, loaded and unloaded."""
     s = Specimen(2, 4, comm=comm, partition=partition)
     s.sheet = dc.plasticity.J2(s.u, 69004.0, 0.3, VOCE)
@@ -147,13 +147,13 @@ def plastic(comm: Any, partition: Any = None) -> Scene:
 
     return Scene(
         problem,
-        lambda t: tool.move((0.03 * t, -0.05 * np.sin(np.pi * t))),
+        lambda t: tool.move((0.03 * t, -0.03 * np.sin(np.pi * t))),
         measure,
         {"step": 0.15},
     )
 
 
-def viscous(comm: Any, partition: Any = None) -> Scene:
+def viscous(comm: Any, partition: Any = striped) -> Scene:
     """A law of the user with a history, and no pairs."""
     s = Specimen(2, 3, comm=comm, partition=partition)
 
