@@ -3,7 +3,7 @@
 
 An indenter is pressed into a slab of rubber with friction and drawn along it, back and forth, a solve a
 step, with the results that a user asks for. The resident memory after 200 steps, when all is warm, is
-compared with that at the end. The records of the steps, which LoadStepping keeps, are 1.5 kB each.
+compared with that at the end. LoadStepping keeps a record of each step, so that it grows a little.
 
     python3 benchmarks/long_run.py              # 2,000 steps, some minutes
     python3 benchmarks/long_run.py --steps 400

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// Interpolated normals at a target, and the slip of a particle there with its first derivatives.
+// Interpolated normals (F8) at a target, and the slip of a particle there with its first
+// derivatives for (F11).
 #pragma once
 
 #include "../geometry/normals.h"
