@@ -88,13 +88,14 @@ private:
       }
       return;
     }
-    const double y = _nodes == 3 ? xi[1] : 0, N[] = {1 - x - y, x, y}, d0[] = {-1, 1, 0},
+    const bool triangle = _nodes == 3;
+    const double y = triangle ? xi[1] : 0, N[] = {1 - x - y, x, y}, d0[] = {-1, 1, 0},
                  d1[] = {-1, 0, 1};
-    for (int a = 0; a < _nodes; ++a)
+    for (int a = 0; a < (triangle ? 3 : 2); ++a)
     {
       out.N[a] = N[a];
       out.dN[0][a] = d0[a];
-      out.dN[1][a] = _nodes == 3 ? d1[a] : 0;
+      out.dN[1][a] = triangle ? d1[a] : 0;
       for (int i = 0; second and i < 3; ++i)
         out.ddN[i][a] = 0;
     }

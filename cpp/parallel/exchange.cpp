@@ -276,8 +276,8 @@ Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
   const std::vector<double> boxes = ringed.boxes();
   const Requests<D> requests = request<D>(comm, boxes, slave_boxes, reach);
 
-  const Incidence incidence(ringed);
-  std::vector<std::uint8_t> near(ringed.size()), at_near(incidence.vertex.size());
+  // Facets that share a vertex share its node: the displacement is continuous
+  std::vector<std::uint8_t> near(ringed.size()), at_near(ringed.node_table.size());
   std::vector<double> grown;
   Parcels parcels(size);
   for (int r = 0; r < size; ++r)
@@ -298,8 +298,8 @@ Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
     }
     const BoxTree<D> tree(grown);
     std::fill(at_near.begin(), at_near.end(), 0);
-    const int* vertex = incidence.number.data();
-    for (int f = 0; f < ringed.size(); ++f, vertex += ringed.nv())
+    const std::int32_t* node = ringed.local.data();
+    for (int f = 0; f < ringed.size(); ++f, node += ringed.nu())
     {
       const Box<D> box = BoxTree<D>::item_box(boxes, f);
       near[f] = false;
@@ -312,11 +312,11 @@ Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
                    },
                    0.0);
       if (near[f])
-        std::for_each(vertex, vertex + ringed.nv(), [&](int v) { at_near[v] = true; });
+        std::for_each(node, node + ringed.nu(), [&](int a) { at_near[a] = true; });
     }
-    vertex = incidence.number.data();
-    for (int f = 0; f < num_own; ++f, vertex += ringed.nv())
-      if (std::any_of(vertex, vertex + ringed.nv(), [&](int v) { return at_near[v]; }))
+    node = ringed.local.data();
+    for (int f = 0; f < num_own; ++f, node += ringed.nu())
+      if (std::any_of(node, node + ringed.nu(), [&](int a) { return at_near[a]; }))
         pack(ringed, f, near[f], r, parcels);
   }
   return parcels;
@@ -420,9 +420,11 @@ Surface with_targets(MPI_Comm comm, const Surface& ringed, int num_own,
   out.ref = ringed.ref;
   const std::size_t width = num_ints(out);
   std::vector<std::pair<std::int64_t, std::size_t>> order; // (id, record)
+  order.reserve(ints.data.size() / width);
   for (std::size_t k = 0; k < ints.data.size() / width; ++k)
     order.emplace_back(ints.data[k * width], k);
-  std::sort(order.begin(), order.end());
+  if (not std::is_sorted(order.begin(), order.end()))
+    std::sort(order.begin(), order.end());
   for (const auto& [id, k] : order)
     unpack(&ints.data[k * width], &reals.data[k * num_reals(out)], out);
   out.number_nodes();
