@@ -30,7 +30,7 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import assemble_scalar, form, function_space, vector_space
+from dolfinx_contact.compat import assemble_scalar, form
 from dolfinx_contact.plasticity import J2, Linear, Swift
 
 UPPER, LOWER, AXIS, RIM = 5, 6, 1, 2
@@ -59,14 +59,14 @@ def weight(u, kind):
 
 
 def plain(mesh, kind, data, degree, points):
-    V = vector_space(mesh, degree)
+    V = dc.vector_space(mesh, degree)
     u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
     law = J2(u, **data, quadrature_degree=points, kind=kind)
     return [law.work(w)], [u], law, ufl.tr(law.kirchhoff) / 3
 
 
 def two_fields(mesh, kind, data, degree, points, volume):
-    V, Q = vector_space(mesh, degree), function_space(mesh, volume)
+    V, Q = dc.vector_space(mesh, degree), dc.function_space(mesh, volume)
     u, e = fem.Function(V, name="displacement"), fem.Function(Q, name="volume")
     F = gradient(u, kind)
     J = ufl.det(F)
@@ -82,7 +82,7 @@ def two_fields(mesh, kind, data, degree, points, volume):
 
 
 def three_fields(mesh, kind, data, degree, points, volume):
-    V, Q = vector_space(mesh, degree), function_space(mesh, volume)
+    V, Q = dc.vector_space(mesh, degree), dc.function_space(mesh, volume)
     u, theta, p = (fem.Function(W) for W in (V, Q, Q))
     theta.x.array[:] = 1
     F = gradient(u, kind)
@@ -99,7 +99,7 @@ def three_fields(mesh, kind, data, degree, points, volume):
 
 
 def selective(mesh, kind, data, degree, points, volume):
-    V = vector_space(mesh, degree)
+    V = dc.vector_space(mesh, degree)
     u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
     F = gradient(u, kind)
     J = ufl.det(F)
@@ -215,7 +215,7 @@ def oscillation(stress, mesh, degree):
     """Root mean square of a stress, at the points of a degree, less its continuous, piecewise
     (bi)linear projection: jumps between cells and waves within them."""
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
-    Q = function_space(mesh, ("Lagrange", 1))
+    Q = dc.function_space(mesh, ("Lagrange", 1))
     s, q = ufl.TrialFunction(Q), ufl.TestFunction(Q)
     direct = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
     a = ufl.inner(s, q) * ufl.dx(metadata={"quadrature_degree": 2})
@@ -345,7 +345,8 @@ def page(names, sizes, sheets, block, sheet):
         HEAD + "import numpy as np",
         "import ufl",
         "from dolfinx import fem",
-        "from dolfinx_contact.compat import function_space, vector_space",
+        "",
+        "import dolfinx_contact as dc",
         "from dolfinx_contact.plasticity import J2",
         "",
         "",

@@ -226,7 +226,13 @@ def create_facet_mesh(
 
 
 def function_space(mesh: _mesh.Mesh, element: tuple[str, int], dim: int | None = None) -> Any:
-    """Space of scalars, or of vectors with ``dim`` components; ``element``: (family, degree)."""
+    """A DOLFINx space of scalars or of vectors, under one name in all versions. Collective.
+
+    Args:
+        mesh: a DOLFINx mesh
+        element: family and degree, ("Lagrange", 2) or ("DG", 0)
+        dim: number of components of a vector; None for scalars
+    """
     if not _OLD:
         return fem.functionspace(mesh, element if dim is None else (*element, (dim,)))
     if dim is None:
@@ -235,7 +241,15 @@ def function_space(mesh: _mesh.Mesh, element: tuple[str, int], dim: int | None =
 
 
 def vector_space(mesh: _mesh.Mesh, degree: int) -> Any:
-    """Continuous Lagrange space of vectors of the geometric dimension."""
+    """The DOLFINx space of displacements: continuous Lagrange vectors of the mesh's dimension.
+
+    Collective. The same as ``fem.VectorFunctionSpace(mesh, ("Lagrange", degree))`` in DOLFINx 0.5 and
+    ``fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))`` from 0.8 on.
+
+    Args:
+        mesh: a DOLFINx mesh
+        degree: 1 or 2 where surfaces may touch
+    """
     return function_space(mesh, ("Lagrange", degree), mesh.geometry.dim)
 
 
@@ -337,7 +351,16 @@ def quadrature_space(mesh: _mesh.Mesh, degree: int, shape: tuple[int, ...]) -> A
 def evaluate(
     expression: fem.Expression, mesh: _mesh.Mesh, cells: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float64]:
-    """Values of a compiled expression at its points in some cells; (cells, points, components)."""
+    """Values of a ``fem.Expression`` at its points in some cells.
+
+    Args:
+        expression: with the points it was made for
+        mesh: a DOLFINx mesh
+        cells: local numbers, shape (n,)
+
+    Returns:
+        shape (n, points, components)
+    """
     values = expression.eval(cells) if _OLD else expression.eval(mesh, cells)
     points = expression.X() if callable(expression.X) else expression.X
     size = int(np.prod(expression.ufl_expression.ufl_shape))
