@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import cpp as _cpp
-from dolfinx import fem, graph, la
+from dolfinx import fem, graph, io, la
 from dolfinx import mesh as _mesh
 from mpi4py import MPI
 
@@ -172,7 +172,10 @@ def transfer_tags(
     """
     entities = np.ascontiguousarray(entities, dtype=np.int64)
     values = np.ascontiguousarray(values, dtype=np.int32)
-    vertices, found = _cpp.io.distribute_entity_data(cpp_object(mesh), dim, entities, values)
+    if _OLD:
+        vertices, found = _cpp.io.distribute_entity_data(cpp_object(mesh), dim, entities, values)
+    else:
+        vertices, found = io.distribute_entity_data(mesh, dim, entities, values)
     mesh.topology.create_entities(dim)
     mesh.topology.create_connectivity(dim, 0)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
@@ -256,6 +259,8 @@ def vector_space(mesh: _mesh.Mesh, degree: int) -> Any:
 def lagrange_degree(V: Any) -> int | None:
     """Degree of a continuous Lagrange space, scalar or blocked; None for any other space."""
     element = _scalar_element(V)
+    if is_quadrature(V):
+        return None
     if hasattr(element, "basix_element"):
         element = element.basix_element
         name = str(element.family).split(".")[-1]
@@ -394,7 +399,9 @@ def pattern(compiled: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]
     sparsity.assemble() if hasattr(sparsity, "assemble") else sparsity.finalize()
     entries = sparsity.graph
     columns, offsets = entries if isinstance(entries, tuple) else (entries.array, entries.offsets)
-    local_to_global = global_indices(sparsity.column_index_map())
+    # since 0.11 finalising puts the columns of other ranks into the second map
+    columns_of = getattr(sparsity, "column_index_map", lambda: sparsity.index_map(1))
+    local_to_global = global_indices(columns_of())
     rows = compiled.function_spaces[0].dofmap.index_map.size_local  # rows of ghosts follow in 0.5
     offsets = np.array(offsets[: rows + 1], dtype=np.int64)
     return offsets, local_to_global[np.asarray(columns)[: offsets[-1]]]
