@@ -25,12 +25,13 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.fem.petsc import LinearProblem
+from dolfinx.fem import petsc
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import assemble_scalar, form
+from dolfinx_contact.compat import assemble_scalar, form, petsc_vec
 from dolfinx_contact.plasticity import J2, Linear, Swift
 
 UPPER, LOWER, AXIS, RIM = 5, 6, 1, 2
@@ -217,9 +218,18 @@ def oscillation(stress, mesh, degree):
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
     Q = dc.function_space(mesh, ("Lagrange", 1))
     s, q = ufl.TrialFunction(Q), ufl.TestFunction(Q)
-    direct = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
-    a = ufl.inner(s, q) * ufl.dx(metadata={"quadrature_degree": 2})
-    smooth = LinearProblem(a, ufl.inner(stress, q) * dx, petsc_options=direct).solve()
+    A = petsc.assemble_matrix(form(ufl.inner(s, q) * ufl.dx(metadata={"quadrature_degree": 2})))
+    A.assemble()
+    b = petsc.assemble_vector(form(ufl.inner(stress, q) * dx))
+    b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    direct = PETSc.KSP().create(mesh.comm)
+    direct.setOperators(A)
+    direct.setType("preonly")
+    direct.getPC().setType("lu")
+    direct.getPC().setFactorSolverType("mumps")
+    smooth = fem.Function(Q)
+    direct.solve(b, petsc_vec(smooth))
+    smooth.x.scatter_forward()
     one = fem.Constant(mesh, 1.0)
     square = assemble_scalar(mesh.comm, form((stress - smooth) ** 2 * dx))
     return np.sqrt(square / assemble_scalar(mesh.comm, form(one * dx)))

@@ -295,6 +295,13 @@ def value_shape(V: Any) -> tuple[int, ...]:
     return tuple(V.ufl_element().value_shape())
 
 
+def collapse(V: Any) -> tuple[Any, npt.NDArray[np.int32]]:
+    """A subspace as a space of its own, and the dofs that its own are in the parent. Collective."""
+    part, dofs = V.collapse()
+    # since 0.10 one array for each kind of cell
+    return part, np.asarray(dofs[0] if len(dofs) and np.ndim(dofs[0]) else dofs, dtype=np.int32)
+
+
 def dof_list(V: Any) -> npt.NDArray[np.int32]:
     """Local block dofs of each cell, ghosts included; shape (cells, dofs)."""
     dofs = V.dofmap.list
