@@ -5,6 +5,7 @@ PY := /usr/bin/python3
 BUILD := build
 CMAKE_FLAGS ?=
 TIMEOUT ?= 1500
+TESTS ?= tests
 
 SUDO := $(if $(filter-out 0,$(shell id -u)),sudo)
 PACKAGES := $(shell sed 's/\#.*//' packages.debian)
@@ -24,14 +25,15 @@ export OMP_NUM_THREADS MPLBACKEND OMPI_ALLOW_RUN_AS_ROOT OMPI_ALLOW_RUN_AS_ROOT_
   OMPI_MCA_rmaps_base_oversubscribe PRTE_MCA_rmaps_default_mapping_policy PRTE_MCA_mapby \
   OMPI_MCA_btl_vader_single_copy_mechanism
 
-.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 sanitize bench robustness \
-  docs gallery format check-format clean
+.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 test-debian sanitize bench \
+  robustness docs gallery format check-format clean
 .NOTPARALLEL:
 
 help:
 	@echo "make demo          press two blocks together and draw the contact pressure"
 	@echo "make test          C++ and Python tests, on 1, 2 and 3 MPI ranks"
 	@echo "make install       build, and install the Python package for $(PY)"
+	@echo "make test-debian   the same inside Debian RELEASE=bookworm, trixie or sid; writes docs/versions.md"
 	@echo "make sanitize      C++ tests with address and undefined-behaviour sanitizers"
 	@echo "make bench         what contact costs and how it grows, beside the bulk and GetFEM; takes long"
 	@echo "make docs          the documentation, in $(BUILD)/docs/index.html"
@@ -90,7 +92,14 @@ ctest: packages $(BUILD)/build.ninja
 
 # One process prints (tests/conftest.py); a failure of any, or a hang, fails the target.
 pytest-1 pytest-2 pytest-3: pytest-%: install
-	timeout --foreground -k 10 $(TIMEOUT) mpirun -n $* $(PY) -m pytest -q --color=no -p no:cacheprovider tests </dev/null
+	timeout --foreground -k 10 $(TIMEOUT) mpirun -n $* $(PY) -m pytest -q --color=no -p no:cacheprovider $(TESTS) </dev/null
+
+# In a root file system of another Debian release, made once in ROOTS; see .ci/debian.
+RELEASE ?= trixie
+ROOTS ?= $(BUILD)/debian
+STAGES ?=
+test-debian:
+	$(SUDO) env RELEASE=$(RELEASE) ROOTS=$(ROOTS) PACKAGES="$(PACKAGES)" STAGES="$(STAGES)" TESTS="$(TESTS)" .ci/debian
 
 sanitize: packages
 	cmake -S . -B $(BUILD)/sanitize -G Ninja -DPython3_EXECUTABLE=$(PY) -DDOLFINX_CONTACT_SANITIZE=ON $(CMAKE_FLAGS)

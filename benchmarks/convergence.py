@@ -170,7 +170,7 @@ def solve(level, cell, degree, pressure_degree, integration, normals, uneven):
         mesh, {SLAVE: (circle(1), INSIDE), MASTER: (circle(1), OUTSIDE), HELD: held}, body
     )
     bodies = meshtags(mesh, 2, np.arange(len(body), dtype=np.int32), body)
-    V = compat.vector_space(mesh, degree)
+    V = dc.vector_space(mesh, degree)
     u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 
     # bulk, and the loads of the exact solution

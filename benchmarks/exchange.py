@@ -62,7 +62,6 @@ def surfaces(n, partition, lift):
     from mpi4py import MPI
 
     import dolfinx_contact as dc
-    from dolfinx_contact import compat
 
     def bent(raise_by):
         def mapping(x):
@@ -85,7 +84,7 @@ def surfaces(n, partition, lift):
     tags = dc.meshes.tag_facets(mesh, {5: (on(lift), 0), 6: (on(0.0), 1)}, body)
     if partition == "repartition":
         mesh, tags = dc.repartition(mesh, tags, 5, 6)
-    u = fem.Function(compat.vector_space(mesh, 1))
+    u = fem.Function(dc.vector_space(mesh, 1))
     return dc.Surface(u, tags, 5), dc.Surface(u, tags, 6)
 
 

@@ -34,7 +34,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import dolfinx_contact as dc
-from dolfinx_contact import compat, infsup, meshes
+from dolfinx_contact import infsup, meshes
 
 COMM = MPI.COMM_WORLD
 PRESSURES = (("Lagrange", 1), ("Lagrange", 2), ("DG", 0), ("DG", 1))
@@ -120,7 +120,7 @@ def surfaces(counts, shape, cell, degree):
 
     sides = {tag: (interface, tag) for tag in range(len(bodies))}
     tags = meshes.tag_facets(mesh, sides, number)
-    u = fem.Function(compat.vector_space(mesh, degree))
+    u = fem.Function(dc.vector_space(mesh, degree))
     if counts[1] is None:
         normal = np.eye(mesh.geometry.dim)[-1]
         return dc.Surface(u, tags, 0), dc.RigidPlane(0 * normal, normal)

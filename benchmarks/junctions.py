@@ -21,7 +21,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import dolfinx_contact as dc
-from dolfinx_contact import compat, meshes
+from dolfinx_contact import meshes
 
 SLAVE, MASTER = 1, 2
 DIM = {"quadrilateral": 2, "hexahedron": 3}
@@ -77,7 +77,7 @@ def bodies(cell):
         },
         body,
     )
-    u = fem.Function(compat.vector_space(mesh, 1))
+    u = fem.Function(dc.vector_space(mesh, 1))
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
     return u, tags, ufl.inner(u, ufl.TestFunction(u.function_space)) * dx
 

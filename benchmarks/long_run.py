@@ -22,7 +22,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import dolfinx_contact as dc
-from dolfinx_contact import compat, meshes
+from dolfinx_contact import meshes
 
 SLAVE, MASTER, TOP, BOTTOM = 5, 6, 1, 2
 WARM = 200  # steps after which memory should stay
@@ -50,9 +50,9 @@ def ironing(comm: MPI.Comm, facets: int) -> tuple[Any, Any, Any]:
     lower = lambda x: (x[1] < 0.01) & (x[1] > -0.26)  # noqa: E731
     where = {SLAVE: (lower, 0), MASTER: (at(-0.25), 1), TOP: at(1), BOTTOM: at(-1.25)}
     tags = meshes.tag_facets(mesh, where, body)
-    V = compat.vector_space(mesh, 1)
+    V = dc.vector_space(mesh, 1)
     u, w = fem.Function(V), ufl.TestFunction(V)
-    stiffness = fem.Function(compat.function_space(mesh, ("DG", 0)))
+    stiffness = fem.Function(dc.function_space(mesh, ("DG", 0)))
     stiffness.x.array[:] = np.where(body == 0, 10.0, 1.0)
     F = dc.materials.deformation_gradient(u)
     psi = stiffness * dc.materials.neo_hookean(F, *dc.materials.lame(1.0, 0.3))

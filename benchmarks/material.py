@@ -20,7 +20,8 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from dolfinx_contact import _cpp, compat, meshes
+import dolfinx_contact as dc
+from dolfinx_contact import _cpp, meshes
 from dolfinx_contact.plasticity import J2, Linear, Swift, Tabulated, Voce
 
 E, NU = 69004.0, 0.3
@@ -63,7 +64,7 @@ def kernel(law: Any, k: int, n: int, runs: int) -> float:
 def body(cells: int, runs: int) -> tuple[int, float, float, float]:
     """Points of a cube; µs a point of ``update`` and of the assembly of Jacobian and residual."""
     mesh, _ = meshes.create(MPI.COMM_SELF, meshes.grid((cells,) * 3, cell="hexahedron"))
-    u = fem.Function(compat.vector_space(mesh, 1))
+    u = fem.Function(dc.vector_space(mesh, 1))
     sheet = J2(u, E, NU)
     u.interpolate(lambda x: np.stack([0.1 * x[0] ** 2, 0.2 * x[0] * x[1], 0.1 * x[2]]))
     sheet.update()

@@ -93,7 +93,7 @@ class Plates:
         tags = meshes.tag_facets(mesh, where, body)
         if repartition:
             mesh, tags = dc.repartition(mesh, tags, 1, 2)
-        V = compat.vector_space(mesh, 1)
+        V = dc.vector_space(mesh, 1)
         self.u, w = fem.Function(V), ufl.TestFunction(V)
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
         form = ufl.derivative(neo_hookean(self.u) * dx, self.u, w)

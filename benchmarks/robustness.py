@@ -42,7 +42,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import dolfinx_contact as dc
-from dolfinx_contact import compat, meshes
+from dolfinx_contact import meshes
 
 COMM = MPI.COMM_WORLD
 FRICTION = (0.0, 0.3, 0.8)
@@ -65,9 +65,9 @@ def scene(upper, lower, where, moduli, friction, plane=None, linear=False):
     dim = mesh.geometry.dim
     numbers = zip((5, 6, 1, 2, 3), where, (0, 1, 0, 1, 1))
     tags = meshes.tag_facets(mesh, {tag: (on, which) for tag, on, which in numbers}, body)
-    V = compat.vector_space(mesh, 1)
+    V = dc.vector_space(mesh, 1)
     u, w, plate = fem.Function(V), ufl.TestFunction(V), fem.Function(V)
-    E = fem.Function(fem.FunctionSpace(mesh, ("DG", 0)))
+    E = fem.Function(dc.function_space(mesh, ("DG", 0)))
     E.x.array[:] = np.where(body == 0, *moduli)
     G, lmbda = 1 / 2.6, 0.3 / (1.3 * 0.4)  # over E
     strain, gradient = ufl.sym(ufl.grad(u)), ufl.Identity(dim) + ufl.grad(u)

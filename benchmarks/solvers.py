@@ -30,7 +30,7 @@ from plates import neo_hookean
 from scaling import table
 
 import dolfinx_contact as dc
-from dolfinx_contact import compat, meshes
+from dolfinx_contact import meshes
 
 SIZES = (18, 28, 50)  # cells along the side of a block
 PRESS, SHEAR = 0.01, 0.001  # displacement of the top
@@ -53,7 +53,7 @@ def blocks(n: int, friction: float | None, options: dict[str, Any], **strategy: 
     at = lambda z: lambda x: np.isclose(x[2], z)  # noqa: E731
     where = {1: (at(0), 0), 2: (at(0), 1), 3: at(0.5), 4: at(-0.5)}
     tags = meshes.tag_facets(mesh, where, body)
-    V = compat.vector_space(mesh, 1)
+    V = dc.vector_space(mesh, 1)
     u, w = fem.Function(V), ufl.TestFunction(V)
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
     form = ufl.derivative(neo_hookean(u) * dx, u, w)

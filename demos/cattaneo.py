@@ -32,7 +32,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import vector_space
 
 comm = MPI.COMM_WORLD
 R, E, nu, mu = 8.0, 200.0, 0.3, 0.2
@@ -101,7 +100,7 @@ facet_tags = meshes.tag_facets(
 
 # -- the bulk: linear elasticity in plane strain ------------------------------------------------------
 
-V = vector_space(mesh, 1)
+V = dc.vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 psi = dc.materials.small_strain(u, *dc.materials.lame(E, nu))
 F = ufl.derivative(psi * ufl.dx, u, w)

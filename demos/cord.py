@@ -30,7 +30,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import vector_space
 
 E, nu, pull, steps = 68.96e8, 0.32, 1.0, 5
 comm = MPI.COMM_WORLD
@@ -81,7 +80,7 @@ facet_tags = meshes.tag_facets(
 
 # -- the bulk, in UFL: compressible neo-Hookean, plane strain ----------------------------------------
 
-V = vector_space(mesh, 1)
+V = dc.vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 gradient = dc.materials.deformation_gradient(u)
 psi = dc.materials.neo_hookean(gradient, *dc.materials.lame(E, nu))

@@ -39,7 +39,6 @@ from petsc4py import PETSc
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import vector_space
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--cells", type=int, default=12, help="cells along the block, 8 or more")
@@ -88,7 +87,7 @@ facet_tags = meshes.tag_facets(
 
 # -- the bulk, in UFL: compressible neo-Hookean --------------------------------------------------------
 
-V = vector_space(mesh, 1)
+V = dc.vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 gradient = dc.materials.deformation_gradient(u)
 psi = dc.materials.neo_hookean(gradient, *dc.materials.lame(E, nu))

@@ -32,7 +32,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import function_space, vector_space
 from dolfinx_contact.plasticity import J2, Linear
 
 parser = argparse.ArgumentParser()
@@ -113,7 +112,7 @@ class Model:
                 AXIS: lambda x: np.isclose(x[0], 0),
             },
         )
-        V, Q = vector_space(mesh, 1), function_space(mesh, ("DG", 0))
+        V, Q = dc.vector_space(mesh, 1), dc.function_space(mesh, ("DG", 0))
         self.u, self.e = fem.Function(V, name="displacement"), fem.Function(Q, name="volume")
         u, e, r = self.u, self.e, ufl.SpatialCoordinate(mesh)[0]
         G = ufl.grad(u)

@@ -38,7 +38,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import vector_space
 
 comm = MPI.COMM_WORLD
 R, E, nu, U0 = 50.0, 2e4, 0.3, 2.0
@@ -99,7 +98,7 @@ class Model:
             },
             self.body,
         )
-        V = vector_space(mesh, degree)
+        V = dc.vector_space(mesh, degree)
         self.u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
         psi = dc.materials.small_strain(self.u, *dc.materials.lame(E, nu), "axisymmetric")
         r = dc.materials.radius(self.u)

@@ -24,7 +24,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes, plasticity
-from dolfinx_contact.compat import vector_space
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--cells", type=int, default=32, help="elements along each side")
@@ -50,7 +49,7 @@ tags = meshes.tag_facets(
         BOTTOM: lambda x: np.isclose(x[1], -SIZE),
     },
 )
-V = vector_space(mesh, 2)
+V = dc.vector_space(mesh, 2)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 hardening = plasticity.Linear(yields, 1000.0)
 steel = plasticity.J2(u, E, nu, hardening, quadrature_degree=4, kind="axisymmetric")

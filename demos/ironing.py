@@ -34,7 +34,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import assemble_scalar, form, function_space, vector_space
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--slab", type=int, default=60, help="facets along the slab")
@@ -90,9 +89,9 @@ else:
 
 # -- the bulk, in UFL: compressible neo-Hookean, plane strain -----------------------------------------
 
-V = vector_space(mesh, 1)
+V = dc.vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
-stiffness = fem.Function(function_space(mesh, ("DG", 0)), name="stiffness")
+stiffness = fem.Function(dc.function_space(mesh, ("DG", 0)), name="stiffness")
 stiffness.x.array[:] = np.where(body == 0, 10.0, 1.0)
 gradient = dc.materials.deformation_gradient(u)
 psi = dc.materials.neo_hookean(gradient, *dc.materials.lame(E, nu))
@@ -122,7 +121,7 @@ def iron(increment, before, saved, folder=None):
     slave, master = dc.Surface(u, facet_tags, SLAVE), dc.Surface(u, facet_tags, MASTER)
     pair = dc.ContactPair(slave, master, friction=mu, integration=RULES[args.rule])
     problem = dc.ContactProblem(F, u, [pair], bcs=bcs)
-    inside = form(stored)
+    inside = fem.form(stored)
     if folder is not None:
         reached = np.abs(saved["rows"][-1][:2]).sum() if saved else None
         writer = dc.Writer(folder, u, pair, fields=[stiffness], resume=reached)
@@ -142,7 +141,7 @@ def iron(increment, before, saved, folder=None):
             # the top pushes with what the slab's contact takes up, by the trapezoidal rule
             force = -pair.resultant()
             work = rows[-1][4] + 0.5 * (force + rows[-1][2:4]) @ (at - rows[-1][:2])
-            energy = assemble_scalar(comm, inside) + pair.dissipated_energy()
+            energy = comm.allreduce(fem.assemble_scalar(inside)) + pair.dissipated_energy()
             rows.append(np.array([*at, *force, work, energy, step.report.iterations, step.failed]))
             if folder is not None:
                 way = leg + step.time

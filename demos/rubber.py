@@ -43,7 +43,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import dolfinx_contact as dc
-from dolfinx_contact import compat, meshes
+from dolfinx_contact import meshes
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--cells", type=int, default=12, help="cells along the height, 8 or more")
@@ -82,7 +82,7 @@ class Block:
         mesh, _ = meshes.create(comm, meshes.grid((3 * n // 2, n), mapping=graded))
         at = lambda i, value: lambda x: np.isclose(x[i], value)  # noqa: E731
         tags = meshes.tag_facets(mesh, {SLAVE: at(1, height), FLOOR: at(1, 0), AXIS: at(0, 0)})
-        V, Q = compat.vector_space(mesh, degree), compat.function_space(mesh, ("DPC", 1))
+        V, Q = dc.vector_space(mesh, degree), dc.function_space(mesh, ("DPC", 1))
         u, p = fem.Function(V, name="displacement"), fem.Function(Q, name="pressure")
 
         stretch = dc.materials.deformation_gradient(u, "axisymmetric")
@@ -118,7 +118,7 @@ class Block:
         )
         self.problem = dc.ContactProblem(F, unknowns, [self.pair], bcs=bcs)
         self.mesh, self.iterations = mesh, 0
-        self._volume = [compat.form(r * v * dx) for v in (J / J, J - 1)]
+        self._volume = [fem.form(r * v * dx) for v in (J / J, J - 1)]
         # positions and mean pressures, the trace of Cauchy's stress, to draw
         x = ufl.SpatialCoordinate(mesh) + u
         mean = -p - mu * (square / 3 - 1) / J
@@ -138,13 +138,13 @@ class Block:
 
     def volume_change(self):
         """Relative to the whole volume."""
-        whole, change = (compat.assemble_scalar(comm, form) for form in self._volume)
+        whole, change = (comm.allreduce(fem.assemble_scalar(form)) for form in self._volume)
         return change / whole
 
     def squares(self):
         """Corners and mean pressures of small squares, on rank 0; elsewhere None."""
         cells = np.arange(self.mesh.topology.index_map(2).size_local, dtype=np.int32)
-        values = compat.evaluate(self._drawn, self.mesh, cells).reshape(-1, len(POINTS), 3)
+        values = dc.evaluate(self._drawn, self.mesh, cells).reshape(-1, len(POINTS), 3)
         parts = comm.gather(values[:, SQUARES].reshape(-1, 4, 3), root=0)
         return None if parts is None else np.concatenate(parts)
 

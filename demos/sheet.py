@@ -25,12 +25,13 @@ from pathlib import Path
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.fem import petsc
 from matplotlib.figure import Figure
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes, plasticity
-from dolfinx_contact.compat import assemble_vector_local, form, vector_space
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--facets", type=int, default=60, help="facets along the radius")
@@ -104,7 +105,7 @@ class Axisymmetric:
                 EDGE: lambda x: np.isclose(x[0], R0),
             },
         )
-        self.V = V = vector_space(mesh, 2)
+        self.V = V = dc.vector_space(mesh, 2)
         u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
         self.u, self.mesh = u, mesh
         self.sheet = plasticity.J2(u, **MATERIAL, quadrature_degree=4, kind="axisymmetric")
@@ -148,9 +149,10 @@ class Axisymmetric:
     def check_balance(self, punch, die):
         """The punch's force is the die's and the clamp's: what the clamp's nodes carry, less the
         part of the die's tractions that acts on them."""
-        forces = assemble_vector_local(form(self.sheet.work(ufl.TestFunction(self.V))))
+        b = petsc.assemble_vector(fem.form(self.sheet.work(ufl.TestFunction(self.V))))
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         owned = self.edge[self.edge < self.V.dofmap.index_map.size_local]
-        clamp = forces.reshape(-1, 2)[owned, 1].sum()
+        clamp = b.array_r.reshape(-1, 2)[owned, 1].sum()
         h = R0 / args.facets
         for pair in self.pairs:
             p = pair.particles
@@ -224,7 +226,7 @@ def quarter(n):
             EDGE: lambda x: np.hypot(x[0], x[1]) > R0 - 1e-6,
         },
     )
-    V = vector_space(mesh, 2)
+    V = dc.vector_space(mesh, 2)
     u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
     sheet = plasticity.J2(u, **MATERIAL, quadrature_degree=4)
     clamp = fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, tags.find(EDGE)), V)

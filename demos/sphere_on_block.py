@@ -25,7 +25,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import vector_space
 
 comm = MPI.COMM_WORLD
 R, width, height = 1.0, 0.45, 0.5  # the part of the sphere that is meshed
@@ -53,7 +52,7 @@ def forces(n: int, curved: bool) -> np.ndarray:
         body,
     )
 
-    V = vector_space(mesh, 2)
+    V = dc.vector_space(mesh, 2)
     u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
     psi = dc.materials.small_strain(u, *dc.materials.lame(E, nu), "axisymmetric")
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 6})

@@ -28,7 +28,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import vector_space
 
 E, U0 = 1e7, 0.024
 exact = 0.5 * E * U0
@@ -54,7 +53,7 @@ facet_tags = meshes.tag_facets(
 
 # -- the bulk, in UFL: linear elasticity with ν = 0 ---------------------------------------------------
 
-V = vector_space(mesh, 1)
+V = dc.vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 strain = lambda v: ufl.sym(ufl.grad(v))  # noqa: E731
 dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})

@@ -23,7 +23,6 @@ from scipy.spatial.transform import Rotation
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import vector_space
 
 E, U0 = 1e7, 0.02
 exact = 0.5 * E * U0
@@ -41,7 +40,7 @@ def solve(cell: str, rule, picture: Path | None = None) -> tuple[float, float, i
     at = lambda height: lambda x: np.isclose(up @ x, height)  # noqa: E731
     tags = meshes.tag_facets(mesh, {5: (at(0), 0), 6: (at(0), 1), 1: at(1), 2: at(-1)}, body)
 
-    V = vector_space(mesh, 1)
+    V = dc.vector_space(mesh, 1)
     u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 2})
     F = E * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(w))) * dx

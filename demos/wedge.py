@@ -23,7 +23,6 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
-from dolfinx_contact.compat import vector_space
 
 comm = MPI.COMM_WORLD
 E, nu, mu, slope = 200.0, 0.3, 0.5, 0.1
@@ -41,7 +40,7 @@ mesh, _ = meshes.create(comm, [meshes.grid((24, 12), (0, 0), (2, 1), sheared)])
 facet_tags = meshes.tag_facets(
     mesh, {SLAVE: lambda x: np.isclose(x[1], slope * x[0]), TOP: lambda x: np.isclose(x[1], 1)}
 )
-V = vector_space(mesh, 1)
+V = dc.vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 psi = dc.materials.small_strain(u, *dc.materials.lame(E, nu))
 F = ufl.derivative(psi * ufl.dx, u, w)

@@ -19,6 +19,7 @@ if _PETSc.ScalarType is not float and "complex" in str(_PETSc.ScalarType):
     )
 
 from . import checkpoint, infsup, materials, meshes, plasticity, solvers
+from .compat import evaluate, function_space, vector_space
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .output import Writer
 from .pair import ContactPair, Particles
@@ -94,6 +95,8 @@ __all__ = [
     "UnheldError",
     "Writer",
     "checkpoint",
+    "evaluate",
+    "function_space",
     "infsup",
     "materials",
     "meshes",
@@ -101,4 +104,5 @@ __all__ = [
     "plot",
     "repartition",
     "solvers",
+    "vector_space",
 ]

@@ -89,9 +89,9 @@ def dof_tables(V: Any, label: str) -> list[tuple[Array, Table]]:
     if size == 1 and V.num_sub_spaces > 0:
         out = []
         for i in range(V.num_sub_spaces):
-            part, dofs = V.sub(i).collapse()
+            part, dofs = compat.collapse(V.sub(i))
             for rows, table in dof_tables(part, f"{label}, part {i}"):
-                out.append((np.asarray(dofs)[rows], table))
+                out.append((dofs[rows], table))
         return out
     try:
         x = np.array(V.tabulate_dof_coordinates())[:, : mesh.geometry.dim]

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import cpp as _cpp
-from dolfinx import fem, graph, la
+from dolfinx import fem, graph, io, la
 from dolfinx import mesh as _mesh
 from mpi4py import MPI
 
@@ -172,7 +172,10 @@ def transfer_tags(
     """
     entities = np.ascontiguousarray(entities, dtype=np.int64)
     values = np.ascontiguousarray(values, dtype=np.int32)
-    vertices, found = _cpp.io.distribute_entity_data(cpp_object(mesh), dim, entities, values)
+    if _OLD:
+        vertices, found = _cpp.io.distribute_entity_data(cpp_object(mesh), dim, entities, values)
+    else:
+        vertices, found = io.distribute_entity_data(mesh, dim, entities, values)
     mesh.topology.create_entities(dim)
     mesh.topology.create_connectivity(dim, 0)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
@@ -226,7 +229,13 @@ def create_facet_mesh(
 
 
 def function_space(mesh: _mesh.Mesh, element: tuple[str, int], dim: int | None = None) -> Any:
-    """Space of scalars, or of vectors with ``dim`` components; ``element``: (family, degree)."""
+    """A DOLFINx space of scalars or of vectors, under one name in all versions. Collective.
+
+    Args:
+        mesh: a DOLFINx mesh
+        element: family and degree, ("Lagrange", 2) or ("DG", 0)
+        dim: number of components of a vector; None for scalars
+    """
     if not _OLD:
         return fem.functionspace(mesh, element if dim is None else (*element, (dim,)))
     if dim is None:
@@ -235,13 +244,23 @@ def function_space(mesh: _mesh.Mesh, element: tuple[str, int], dim: int | None =
 
 
 def vector_space(mesh: _mesh.Mesh, degree: int) -> Any:
-    """Continuous Lagrange space of vectors of the geometric dimension."""
+    """The DOLFINx space of displacements: continuous Lagrange vectors of the mesh's dimension.
+
+    Collective. The same as ``fem.VectorFunctionSpace(mesh, ("Lagrange", degree))`` in DOLFINx 0.5 and
+    ``fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))`` from 0.8 on.
+
+    Args:
+        mesh: a DOLFINx mesh
+        degree: 1 or 2 where surfaces may touch
+    """
     return function_space(mesh, ("Lagrange", degree), mesh.geometry.dim)
 
 
 def lagrange_degree(V: Any) -> int | None:
     """Degree of a continuous Lagrange space, scalar or blocked; None for any other space."""
     element = _scalar_element(V)
+    if is_quadrature(V):
+        return None
     if hasattr(element, "basix_element"):
         element = element.basix_element
         name = str(element.family).split(".")[-1]
@@ -274,6 +293,13 @@ def value_shape(V: Any) -> tuple[int, ...]:
     if hasattr(V, "value_shape"):
         return tuple(V.value_shape)
     return tuple(V.ufl_element().value_shape())
+
+
+def collapse(V: Any) -> tuple[Any, npt.NDArray[np.int32]]:
+    """A subspace as a space of its own, and the dofs that its own are in the parent. Collective."""
+    part, dofs = V.collapse()
+    # since 0.10 one array for each kind of cell
+    return part, np.asarray(dofs[0] if len(dofs) and np.ndim(dofs[0]) else dofs, dtype=np.int32)
 
 
 def dof_list(V: Any) -> npt.NDArray[np.int32]:
@@ -337,7 +363,16 @@ def quadrature_space(mesh: _mesh.Mesh, degree: int, shape: tuple[int, ...]) -> A
 def evaluate(
     expression: fem.Expression, mesh: _mesh.Mesh, cells: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float64]:
-    """Values of a compiled expression at its points in some cells; (cells, points, components)."""
+    """Values of a ``fem.Expression`` at its points in some cells.
+
+    Args:
+        expression: with the points it was made for
+        mesh: a DOLFINx mesh
+        cells: local numbers, shape (n,)
+
+    Returns:
+        shape (n, points, components)
+    """
     values = expression.eval(cells) if _OLD else expression.eval(mesh, cells)
     points = expression.X() if callable(expression.X) else expression.X
     size = int(np.prod(expression.ufl_expression.ufl_shape))
@@ -371,7 +406,9 @@ def pattern(compiled: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]
     sparsity.assemble() if hasattr(sparsity, "assemble") else sparsity.finalize()
     entries = sparsity.graph
     columns, offsets = entries if isinstance(entries, tuple) else (entries.array, entries.offsets)
-    local_to_global = global_indices(sparsity.column_index_map())
+    # since 0.11 finalising puts the columns of other ranks into the second map
+    columns_of = getattr(sparsity, "column_index_map", lambda: sparsity.index_map(1))
+    local_to_global = global_indices(columns_of())
     rows = compiled.function_spaces[0].dofmap.index_map.size_local  # rows of ghosts follow in 0.5
     offsets = np.array(offsets[: rows + 1], dtype=np.int64)
     return offsets, local_to_global[np.asarray(columns)[: offsets[-1]]]

@@ -27,7 +27,7 @@ def bulk_blocks(system, J, bcs):
         for j, a in enumerate(row):
             if a is None:
                 continue
-            A = fem.petsc.assemble_matrix(a, bcs=bcs, diagonal=float(i == j))
+            A = fem.petsc.assemble_matrix(a, bcs, float(i == j))
             A.assemble()
             offsets, columns, values = A.getValuesCSR()
             first, _ = A.getOwnershipRange()
@@ -90,8 +90,8 @@ def test_coupled_unknowns(partition):
         bcs.append(fem.dirichletbc(value, left, space))
     u.interpolate(lambda x: np.stack([0.1 * x[1], -0.9 * GAP + 0.2 * x[0] * x[1]]))
     q.interpolate(lambda x: 1 + x[0] * x[1])
-    fem.set_bc(u.x.array, bcs[:1])
-    fem.set_bc(q.x.array, bcs[1:])
+    compat.set_bc_array(u.x.array, bcs[:1])
+    compat.set_bc_array(q.x.array, bcs[1:])
     pair = dc.ContactPair(dc.Surface(u, tags, SLAVE), dc.Surface(u, tags, MASTER))
     system = System([compat.form(f) for f in F], [u, q], J, [pair], bcs)
     pair._multiplier.x.array[:] = -1.0
@@ -121,7 +121,8 @@ def test_coupled_unknowns(partition):
     for i, f in enumerate(F):
         vector = fem.petsc.assemble_vector(compat.form(f))
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD_VALUES, mode=PETSc.ScatterMode.REVERSE)
-        fem.petsc.set_bc(vector, [bcs[i]], scale=0.0)
+        dofs, owned = compat.bc_dofs(bcs[i])
+        vector.array_w[dofs[:owned]] = 0
         parts = np.concatenate(COMM.allgather(vector.array_r.copy()))
         dofs = system.layout.system_dofs(i, np.arange(len(parts), dtype=np.int64))
         value = whole[numbering.position[dofs]]

@@ -35,6 +35,7 @@ from specimen import VOCE, Specimen
 from test_errors import expect
 from test_mixed import bulk
 from test_quadrature import Viscous
+from versions import space
 
 import dolfinx_contact as dc
 from dolfinx_contact import checkpoint, compat, meshes, surface
@@ -427,21 +428,15 @@ def test_loads_after_the_end_are_new_steps(folder):
 def test_mixed_spaces_and_spaces_of_any_degree(folder):
     """Rows of a mixed space, of facets' midpoints, of several points on an edge, of constants."""
     mesh = punch(COMM, striped).mesh
-    cell = mesh.ufl_cell()
-    vector = ufl.VectorElement("Lagrange", cell, 2)
-    spaces = [
-        fem.FunctionSpace(mesh, element)
-        for element in (
-            ufl.FiniteElement("Lagrange", cell, 3),
-            ufl.FiniteElement("DQ", cell, 0),
-            ufl.VectorElement("DQ", cell, 1),
-            ufl.MixedElement(vector, ufl.FiniteElement("DQ", cell, 1)),
-        )
-    ]
     alone = punch(MPI.COMM_SELF).mesh
-    for V in spaces:
-        W, f = fem.FunctionSpace(alone, V.ufl_element()), fem.Function(V)
-        g, file = fem.Function(W), folder / "f.h5"
+    for element in (
+        [("Lagrange", 3)],
+        [("DQ", 0)],
+        [("DQ", 1, 2)],
+        [("Lagrange", 2, 2), ("DQ", 1)],
+    ):
+        V, W = (space(m, *element) for m in (mesh, alone))
+        f, g, file = fem.Function(V), fem.Function(W), folder / "f.h5"
         whole = lambda x: np.array([np.sin(x[0]) + 3 * x[1] ** 2, x[0] * x[1] + x[0]])
         for i, h in enumerate((f, g)):
             parts = [h.sub(k) for k in range(2)] if len(checkpoint.dof_tables(V, "")) > 1 else [h]
@@ -466,7 +461,7 @@ def test_mixed_spaces_and_spaces_of_any_degree(folder):
 
 def test_unknowns_without_points_are_refused():
     s = Specimen(2, 2)
-    V = fem.FunctionSpace(s.mesh, ("RTCF", 1))
+    V = space(s.mesh, ("RTCF", 1))
     expect(dc.InputError, lambda: checkpoint.dof_tables(V, "u[1]"), "u[1]", "no values at points")
 
 

@@ -202,6 +202,7 @@ def test_three_blocks(cell, two_masters):
     top = fem.locate_dofs_topological(V, dim - 1, tags.find(15))
     bcs = [fem.dirichletbc(np.zeros(dim), bottom, V), fem.dirichletbc(move, top, V)]
     # nothing holds the middle block sideways
+    mesh.topology.create_connectivity(dim, dim)
     cells = np.flatnonzero(body == 1).astype(np.int32)
     for axis in range(dim - 1):
         W, _ = V.sub(axis).collapse()
