@@ -25,7 +25,7 @@ export OMP_NUM_THREADS MPLBACKEND OMPI_ALLOW_RUN_AS_ROOT OMPI_ALLOW_RUN_AS_ROOT_
   OMPI_MCA_rmaps_base_oversubscribe PRTE_MCA_rmaps_default_mapping_policy PRTE_MCA_mapby \
   OMPI_MCA_btl_vader_single_copy_mechanism
 
-.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 test-debian sanitize bench \
+.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 test-debian test-sanitize tidy bench bench-solvers \
   robustness docs gallery format check-format clean
 .NOTPARALLEL:
 
@@ -34,8 +34,10 @@ help:
 	@echo "make test          C++ and Python tests, on 1, 2 and 3 MPI ranks"
 	@echo "make install       build, and install the Python package for $(PY)"
 	@echo "make test-debian   the same inside Debian RELEASE=bookworm, trixie or sid; writes docs/versions.md"
-	@echo "make sanitize      C++ tests with address and undefined-behaviour sanitizers"
-	@echo "make bench         what contact costs and how it grows, beside the bulk and GetFEM; takes long"
+	@echo "make test-sanitize C++ and Python tests with address and undefined-behaviour sanitizers"
+	@echo "make tidy          checks of clang-tidy"
+	@echo "make bench         what contact costs and how it grows, beside the bulk and GetFEM; takes half an hour"
+	@echo "make bench-solvers MUMPS and the iterative solver up to 4e5 dofs; as long again"
 	@echo "make docs          the documentation, in $(BUILD)/docs/index.html"
 	@echo "make gallery       run the demos anew and put their pictures into the documentation"
 	@echo "make robustness    60 runs with default settings; writes docs/robustness.md"
@@ -92,7 +94,7 @@ ctest: packages $(BUILD)/build.ninja
 
 # One process prints (tests/conftest.py); a failure of any, or a hang, fails the target.
 pytest-1 pytest-2 pytest-3: pytest-%: install
-	timeout --foreground -k 10 $(TIMEOUT) mpirun -n $* $(PY) -m pytest -q --color=no -p no:cacheprovider $(TESTS) </dev/null
+	timeout --foreground -k 10 $(TIMEOUT) mpirun -n $* $(PY) -m pytest -q --color=no -p no:cacheprovider --durations=12 $(TESTS) </dev/null
 
 # In a root file system of another Debian release, made once in ROOTS; see .ci/debian.
 RELEASE ?= trixie
@@ -101,10 +103,28 @@ STAGES ?=
 test-debian:
 	$(SUDO) env RELEASE=$(RELEASE) ROOTS=$(ROOTS) PACKAGES="$(PACKAGES)" STAGES="$(STAGES)" TESTS="$(TESTS)" .ci/debian
 
-sanitize: packages
-	cmake -S . -B $(BUILD)/sanitize -G Ninja -DPython3_EXECUTABLE=$(PY) -DDOLFINX_CONTACT_SANITIZE=ON $(CMAKE_FLAGS)
-	cmake --build $(BUILD)/sanitize
-	cd $(BUILD)/sanitize && ASAN_OPTIONS=detect_leaks=0 ctest -E mpi_3 --output-on-failure --no-tests=error </dev/null
+# C++ tests of the files cpp/test/test_NAME.cpp, and Python tests with the extension module. Python
+# itself knows nothing of sanitizers: their libraries are loaded before it, with C++'s for exceptions.
+SANITIZED := $(BUILD)/sanitize
+SANITIZE_CPP ?= *
+SANITIZE_PY ?= test_assembly.py test_exchange.py test_friction.py test_parallel.py test_pattern.py \
+  test_plasticity.py test_problem.py test_rigid_mesh.py test_segments.py test_sheet.py test_tools.py
+test-sanitize: packages
+	cmake -S . -B $(SANITIZED) -G Ninja -DPython3_EXECUTABLE=$(PY) -DDOLFINX_CONTACT_SANITIZE=ON \
+	  -DDOLFINX_CONTACT_TESTS="$$(echo '$(SANITIZE_CPP)' | tr ' ' ';')" $(CMAKE_FLAGS)
+	cmake --build $(SANITIZED)
+	cp dolfinx_contact/*.py $(SANITIZED)/dolfinx_contact
+	export ASAN_OPTIONS=detect_leaks=0; cd $(SANITIZED) \
+	  && ctest -R contact_tests -E mpi_3 --output-on-failure --no-tests=error </dev/null \
+	  && LD_PRELOAD="$$(for l in asan ubsan stdc++; do g++ -print-file-name=lib$$l.so; done)" \
+	    timeout --foreground -k 10 $(TIMEOUT) $(PY) -m pytest -q --color=no -p no:cacheprovider \
+	    $(addprefix $(CURDIR)/tests/,$(SANITIZE_PY)) </dev/null
+
+# Headers are seen through the files that include them. TIDY: some of the library's files
+TIDY ?= $(wildcard cpp/*/*.cpp)
+tidy: PACKAGES += clang-tidy
+tidy: packages $(BUILD)/build.ninja
+	printf '%s\n' $(filter-out cpp/test/% cpp/bench/%,$(TIDY)) | xargs -P 2 -n 1 clang-tidy -p $(BUILD) --quiet
 
 # GetFEM is for the comparison only. Rewrites docs/scaling.md and its picture.
 bench: PACKAGES += python3-getfem
@@ -116,7 +136,6 @@ bench: install
 	$(PY) benchmarks/exchange.py
 	$(PY) benchmarks/long_run.py
 	$(PY) benchmarks/memory.py --solver iterative
-	$(PY) benchmarks/solvers.py --output docs/linear_solvers.md
 	$(PY) benchmarks/getfem_comparison.py
 	$(PY) benchmarks/junctions.py
 	$(PY) benchmarks/rules.py
@@ -124,6 +143,10 @@ bench: install
 	$(PY) benchmarks/infsup.py --small
 	$(PY) benchmarks/locking.py
 	$(PY) benchmarks/material.py
+
+# MUMPS with 4e5 dofs takes half an hour and 14 GB
+bench-solvers: install
+	$(PY) benchmarks/solvers.py --output docs/linear_solvers.md
 
 # 60 runs, about five minutes; rewrites the table of docs/robustness.md
 robustness: install
