@@ -154,7 +154,7 @@ def subdivided(corners, n):
                 merged[key] = merged.get(key, 0.0) + weight
         return merged
     a, b, c = corners
-    area = abs(np.linalg.det([b - a, c - a])) / 2
+    area = np.linalg.norm(np.cross(b - a, c - a)) / 2
     points = [(a, 1 / 20), (b, 1 / 20), (c, 1 / 20)]
     points += [((a + b) / 2, 2 / 15), ((b + c) / 2, 2 / 15), ((c + a) / 2, 2 / 15)]
     points += [((a + b + c) / 3, 9 / 20)]
