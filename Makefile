@@ -175,4 +175,5 @@ check-format: packages
 	$(PY) -m black --check -l 99 .
 
 clean:
+	test ! -d $(BUILD)/debian || $(SUDO) rm -rf $(BUILD)/debian
 	rm -rf $(BUILD)

@@ -154,9 +154,12 @@ def targets():
         # (F6) on each edge by bisection of the cross product
         best = None
         for i in range(len(edges)):
-            f = lambda s: np.cross(  # noqa: E731
-                p - x[i] - s * edges[i], (1 - s) * nodal[i] + s * nodal[i + 1]
-            )
+            n = nodal[i : i + 2]
+
+            def f(s):
+                (a, b), (c, d) = p - x[i] - s * edges[i], (1 - s) * n[0] + s * n[1]
+                return a * d - b * c
+
             if f(0.0) * f(1.0) > 0:
                 continue
             low, high = 0.0, 1.0

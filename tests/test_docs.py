@@ -83,6 +83,20 @@ def test_every_block_is_one_that_runs_or_no_python(page):
     assert text.count("<!-- setup") == len(list(BLOCK.finditer(text))) - len(shown)
 
 
+# names of DOLFINx that some of its versions lack, and our own behind them
+VERSIONED = re.compile(
+    r"\b(VectorFunctionSpace|FunctionSpace|functionspace|gmshio|io\.gmsh|scatter_reverse|compat)\b"
+)
+
+
+def test_scripts_have_one_spelling_for_all_versions():
+    """Pages and demos run as they are on every DOLFINx of docs/versions.md."""
+    code = {name(p): "\n".join(c for _, c in blocks(p)) for p in PAGES}
+    code.update({name(p): p.read_text() for p in (ROOT / "demos").glob("*.py")})
+    found = {where: VERSIONED.findall(text) for where, text in code.items()}
+    assert not {where: names for where, names in found.items() if names}
+
+
 def anchors(page):
     """Of a page's headings, made as Sphinx and forges make them."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
