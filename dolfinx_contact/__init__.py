@@ -50,6 +50,7 @@ from .tools import (
     RigidTool,
     RigidTorus,
 )
+from .watch import timeout
 
 
 def __getattr__(name: str) -> _Any:
@@ -101,4 +102,5 @@ __all__ = [
     "plot",
     "repartition",
     "solvers",
+    "timeout",
 ]

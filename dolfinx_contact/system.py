@@ -22,7 +22,7 @@ from . import _cpp, compat, events
 from .bodies import Bodies
 from .contact import PairAssembly
 from .driven import DrivenTools, driven_tools
-from .errors import InputError, together
+from .errors import ContactError, InputError, together
 from .layout import Layout
 from .pair import ContactPair
 from .parameters import Parameters
@@ -152,7 +152,7 @@ class System:
         """b = residual of (F1)–(F3) at x. Collective.
 
         Where x does not meet a Dirichlet value yet, the bulk is lifted as in DOLFINx and contact
-        sees the bodies with the value imposed.
+        sees the bodies with the value imposed. Where forces are not finite, all of b is nan.
 
         Args:
             close: apply the pairs' initial contact
@@ -162,9 +162,12 @@ class System:
         before = [u.x.array.copy() for u in self.u]
         lift = any(self._violates_bcs(u) for u in self.u)
         lift = self.comm.allreduce(lift, op=MPI.LOR)
-        self._force = 0.0
+        self._force, self._finite = 0.0, True
         with events.BULK_RESIDUAL:
             parts = [self._bulk_residual(row, lift) for row in range(len(self.u))]
+        if not self._finite:  # maybe in held rows alone, which would hide it
+            b.set(np.nan)
+            return
         if self._first_force < 0:
             self._first_force = self._force
         self.reference_force = max(self._first_force, self._force)
@@ -213,6 +216,7 @@ class System:
         values g: the first Newton step then takes the bulk there along its tangent."""
         forces = compat.assemble_vector_local(self._F[row])
         norm = np.sqrt(self.comm.allreduce(float(forces @ forces)))
+        self._finite &= bool(np.isfinite(norm))
         # reactions included: what residuals are compared to
         if np.isfinite(norm) and row in self._displacements:
             self._force = max(self._force, norm)
@@ -313,13 +317,20 @@ class System:
         Args:
             friction: False: solve without it first, then ``go_on``
         """
-        self.driven.check(self.pairs)
+        self.driven.check(self.pairs, self.comm)
         self.reference_force, self._first_force = 0.0, -1.0
         for contact in self.contacts:
             contact.begin_step()
         before = [u.x.array.copy() for u in self.u]
         for u in self.u:
             compat.set_bc(u, self.bcs)
+        with together(self.comm, "solve"):
+            for u in self.u:
+                if not np.isfinite(u.x.array).all():
+                    raise ContactError(
+                        f"the unknown {u.name} is not finite (nan or inf) as the step begins; give u"
+                        " and the Dirichlet conditions finite values before solve()"
+                    )
         for contact in self.contacts:
             contact.update()
         self.driven.begin(self.contacts)
