@@ -82,16 +82,20 @@ def together(comm: MPI.Comm, stage: str) -> Iterator[None]:
     if first == comm.size:
         return
     kind, message = _describe(failure) if comm.rank == first else (ContactError, "")
+    if isinstance(failure, SystemExit):
+        kind, message = SystemExit, failure.code
     kind, message = comm.bcast((kind, message), root=first)
     if failure is not None:
         raise failure
+    if kind is SystemExit:
+        raise SystemExit(message)
     raise kind(f"{stage}: rank {first}: {message}")
 
 
 def _describe(error: BaseException | None) -> tuple[type[BaseException], str]:
     """The class that the other ranks shall raise, and the message to put in it."""
-    ours = InputError, UnheldError, ConvergenceError, ContactError
-    for kind in (*ours, KeyboardInterrupt, SystemExit):
+    for kind in (InputError, UnheldError, ConvergenceError, ContactError):
         if isinstance(error, kind):
             return kind, str(error)
-    return ContactError, f"{type(error).__name__}: {error}"
+    text = f"{type(error).__name__}: {error}"
+    return (KeyboardInterrupt if isinstance(error, KeyboardInterrupt) else ContactError), text

@@ -9,7 +9,8 @@ are of one size, whatever the units of the user.
 
 from __future__ import annotations
 
-from typing import Any, Sequence
+from contextlib import contextmanager
+from typing import Any, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -182,7 +183,7 @@ class System:
         self.changes = np.zeros(5, dtype=int)
         for pair, contact in zip(self.pairs, self.contacts):
             self.changes += contact.update(pair.initial_contact if close else -1.0)
-            with together(self.comm, "contact residual"):
+            with _assembled(b), together(self.comm, "contact residual"):
                 contact.assembler.residual(b.handle)
         self.driven.residual(b)
         b.assemble()
@@ -252,7 +253,7 @@ class System:
             self._add_bulk(A, self.bcs)
             A.assemble()  # contact adds to its arrays
             self._scale_bulk(A)
-        with together(self.comm, "contact tangent"):
+        with _assembled(A), together(self.comm, "contact tangent"):
             for contact in self.contacts:
                 contact.assembler.tangent(A.handle)
             for contact in self.contacts:
@@ -468,6 +469,17 @@ class System:
         self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
         self.driven.stiffness = float(sizes[0])
         self.parameters.measure(diagonal)
+
+
+@contextmanager
+def _assembled(thing: Any) -> Iterator[None]:
+    """After an error of all ranks no entries wait on any of them: PETSc would add them to the next
+    vector, and refuse the next matrix. Collective then."""
+    try:
+        yield
+    except BaseException:
+        thing.assemble()
+        raise
 
 
 def _add_diagonal(A: Any, rows: npt.NDArray[Any], value: float) -> None:
