@@ -211,6 +211,7 @@ def test_forces_on_slave_and_master_are_opposite(cell, shape, state, target, rul
     b = Bodies(cell, shape, state, target, rule, friction=friction)
     forces, _, table = b.evaluate()
     size = scale(forces)
+    assert table["closed"].any() and size > 0.01
     slave, master = forces[b.of_slave].sum(axis=0), forces[~b.of_slave].sum(axis=0)
     assert np.abs(slave + master).max() < 100 * EPS * size
     resultant = table["weight"] @ table["traction"]
