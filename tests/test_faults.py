@@ -211,6 +211,26 @@ def test_a_facet_without_area():
     model.surface(MASTER)  # that one is sound
 
 
+@pytest.mark.parametrize("tag", (SLAVE, MASTER))
+def test_a_facet_that_a_step_collapses(tag):
+    """Dirichlet conditions bring both its ends to one place: it has no tangent then. Particles on it and
+    targets on it are done without it."""
+    model = punch(COMM, counts=(12, 9))
+    # near the middle, where the bodies touch
+    ends = np.concatenate(COMM.allgather(model.surface(tag).X.reshape(-1, 4))).reshape(-1, 2, 2)
+    a, b = ends[np.argmin(np.abs(ends.mean(axis=1)[:, 0]))]
+    V, middle = model.u.function_space, 0.5 * (a + b)
+    for end in (a, b):
+        dofs = fem.locate_dofs_geometrical(
+            V, lambda x: np.hypot(x[0] - end[0], x[1] - end[1]) < 1e-9
+        )
+        model.bcs.append(fem.dirichletbc(middle - end - (0.0, 0.02), dofs, V))
+    pair = model.pair()
+    assert model.problem(pair).solve().converged
+    assert np.isfinite(pair.pressure.x.array).all() and np.isfinite(model.u.x.array).all()
+    assert pair.resultant()[1] > 1.0
+
+
 # -- full disks ---------------------------------------------------------------------------------------
 
 
