@@ -25,8 +25,8 @@ export OMP_NUM_THREADS MPLBACKEND OMPI_ALLOW_RUN_AS_ROOT OMPI_ALLOW_RUN_AS_ROOT_
   OMPI_MCA_rmaps_base_oversubscribe PRTE_MCA_rmaps_default_mapping_policy PRTE_MCA_mapby \
   OMPI_MCA_btl_vader_single_copy_mechanism
 
-.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 test-debian test-sanitize tidy bench bench-solvers \
-  robustness docs gallery format check-format clean
+.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 test-debian test-sanitize tidy \
+  bench bench-solvers robustness faults docs gallery format check-format clean
 .NOTPARALLEL:
 
 help:
@@ -41,6 +41,7 @@ help:
 	@echo "make docs          the documentation, in $(BUILD)/docs/index.html"
 	@echo "make gallery       run the demos anew and put their pictures into the documentation"
 	@echo "make robustness    60 runs with default settings; writes docs/robustness.md"
+	@echo "make faults        a thousand bad inputs on 1 and 2 ranks; writes docs/faults.md"
 	@echo "make format        format C++ and Python; make check-format only checks"
 	@echo "make clean         remove $(BUILD)/"
 
@@ -151,6 +152,10 @@ bench-solvers: install
 # 60 runs, about five minutes; rewrites the table of docs/robustness.md
 robustness: install
 	$(PY) benchmarks/robustness.py --output docs/robustness.md
+
+# Bad inputs, on 1 and 2 ranks, about five minutes; rewrites docs/faults.md
+faults: install
+	$(PY) benchmarks/bad_input.py --output docs/faults.md
 
 # --- documentation ---------------------------------------------------------------------------
 

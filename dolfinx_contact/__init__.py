@@ -51,6 +51,7 @@ from .tools import (
     RigidTool,
     RigidTorus,
 )
+from .watch import timeout
 
 
 def __getattr__(name: str) -> _Any:
@@ -104,5 +105,6 @@ __all__ = [
     "plot",
     "repartition",
     "solvers",
+    "timeout",
     "vector_space",
 ]

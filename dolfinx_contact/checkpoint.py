@@ -12,7 +12,6 @@ Rank 0 alone touches the file; it holds one rank's rows, or one block of the fil
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, field
 from typing import Any, Callable
 
@@ -23,13 +22,14 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from . import compat
+from .checks import file_name
 from .errors import InputError, together
-from .hdf5 import NewFile
+from .hdf5 import NewFile, checksum
 
 __all__ = ["arrays"]
 
 Array = npt.NDArray[Any]
-_FORMAT = "dolfinx_contact checkpoint 1"
+_FORMAT = "dolfinx_contact checkpoint 2"
 _BLOCK = 2**16  # rows that are read at once
 _NEAR = 1e-6  # places are the same within this part of the smallest cell's size
 _COINCIDE = (
@@ -149,11 +149,12 @@ def write(
     with NewFile(comm, path, "LoadStepping.save") as file:
         for name, table in tables.items():
             for column, rows in {"places": table.places, **table.columns}.items():
-                file.put(f"tables/{name}/{column}", rows)
+                file.put(f"tables/{name}/{column}", rows, checked=True)
         if comm.rank == 0:
             for name, array in arrays.items():
                 file.add(f"arrays/{name}", array)
-            file.add("figures", json.dumps(figures, default=_plain))
+            kept = {name: sorted(table.columns) for name, table in tables.items()}
+            file.add("figures", json.dumps({**figures, "columns": kept}, default=_plain))
             file.add("format", _FORMAT)
 
 
@@ -175,7 +176,9 @@ class Checkpoint:
     """
 
     def __init__(self, comm: MPI.Comm, path: Any):
-        self._comm, self._path, self._file = comm, os.fspath(path), None
+        self._comm, self._file = comm, None
+        with together(comm, "LoadStepping.load"):
+            self._path = str(file_name("LoadStepping.load", path))
         self.figures, self.arrays = self._read(self._open)
 
     def __enter__(self) -> Checkpoint:
@@ -192,8 +195,8 @@ class Checkpoint:
         if "format" not in self._file or self._file["format"].asstr()[()] != _FORMAT:
             raise ValueError(f"its format is not {_FORMAT!r}")
         arrays = self._file["arrays"].items() if "arrays" in self._file else ()
-        figures = json.loads(self._file["figures"].asstr()[()])
-        return figures, {name: array[()] for name, array in arrays}
+        figures = json.loads(_whole(self._file["figures"]))
+        return figures, {name: _whole(array) for name, array in arrays}
 
     def _read(self, action: Callable[[], Any]) -> Any:
         """What an action on rank 0 returns."""
@@ -203,7 +206,10 @@ class Checkpoint:
                 try:
                     found = action()
                 except FileNotFoundError:
-                    raise InputError(f"There is no checkpoint {self._path}.") from None
+                    raise InputError(
+                        f"There is no checkpoint {self._path}; give a file that LoadStepping.save has"
+                        " written."
+                    ) from None
                 except Exception as error:
                     self.__exit__()
                     raise InputError(
@@ -211,6 +217,21 @@ class Checkpoint:
                         " file that LoadStepping.save has written."
                     ) from error
         return self._comm.bcast(found, root=0)
+
+    def _rows_of(self, name: str) -> int:
+        """On rank 0: the number of rows of a table, all of whose columns are there."""
+        columns = self._file[f"tables/{name}"]
+        missing = set(self.figures["columns"][name]) - set(columns)
+        lengths = {len(column) for column in columns.values()}
+        if (
+            missing
+            or len(lengths) > 1
+            or any(c.dtype.kind not in "biuf" for c in columns.values())
+        ):
+            raise ValueError(
+                f"{name} lacks {sorted(missing)}, and has columns of lengths {sorted(lengths)}"
+            )
+        return lengths.pop()
 
     def rows(self, name: str, table: Table) -> tuple[Array, dict[str, Array]]:
         """The file's rows at the places of a table, in the order of the file.
@@ -221,7 +242,7 @@ class Checkpoint:
         Raises:
             InputError: on all ranks, if the places of all ranks and of the file are not the same
         """
-        total = self._read(lambda: len(self._file[f"tables/{name}/places"]))
+        total = self._read(lambda: self._rows_of(name))
         tree = cKDTree(table.places) if len(table.places) else None
         kept: list[tuple[Array, dict[str, Array]]] = []
         for first in range(0, max(total, 1), _BLOCK):
@@ -257,6 +278,14 @@ class Checkpoint:
             raise InputError(f"{self._path}: {table.label}: {_COINCIDE}")
         order = np.argsort(at)
         return {k: v[order] for k, v in columns.items()}
+
+
+def _whole(dataset: Any) -> Any:
+    """A text or an array that is as it was written."""
+    data = dataset.asstr()[()] if dataset.dtype.kind == "O" else dataset[()]
+    if dataset.attrs["crc32"] != checksum(data):
+        raise ValueError(f"{dataset.name} has been changed since it was written")
+    return data
 
 
 def arrays(path: Any, comm: MPI.Comm = MPI.COMM_WORLD) -> dict[str, Array]:

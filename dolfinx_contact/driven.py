@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from .checks import agreed
 from .errors import InputError, UnheldError
 from .layout import Layout
 from .tools import RigidTool
@@ -96,8 +97,12 @@ class DrivenTools:
             tool.translation = c.copy()
         self._reactions = self.stiffness * values[:, 1]
 
-    def check(self, pairs: Sequence[Any]) -> None:
-        """Raises InputError if a tool of the pairs is driven, but has no unknowns."""
+    def check(self, pairs: Sequence[Any], comm: Any) -> None:
+        """Raises InputError if a tool of the pairs is driven, but has no unknowns, or is not at the same
+        place on all ranks, or under the same load. Collective."""
+        for tool in {id(t): t for pair in pairs for t in pair.tools}.values():
+            place = {name: getattr(tool, name) for name in _PLACE}
+            agreed(comm, f"A {type(tool).__name__}", **place)
         for tool in driven_tools(pairs):
             if tool not in self.tools:
                 raise InputError(
@@ -228,6 +233,13 @@ class DrivenTools:
                 pattern.add(dofs.ravel(), dofs.ravel())
 
 
+_PLACE = (
+    "rotation",
+    "translation",
+    "directions",
+    "load",
+    "driven",
+)  # what ``move`` and ``push`` set
 _ADD = PETSc.InsertMode.ADD_VALUES
 
 

@@ -13,6 +13,8 @@ from typing import Iterator
 
 from mpi4py import MPI
 
+from .watch import stage as timed
+
 
 class ContactError(RuntimeError):
     """Anything that goes wrong in dolfinx_contact.
@@ -65,28 +67,35 @@ def together(comm: MPI.Comm, stage: str) -> Iterator[None]:
         stage: its name, which opens the message on the ranks that did not fail themselves
 
     Raises:
-        the rank's own exception where the body failed; elsewhere an error of the same class if it
-        is one of this module (else ContactError) with the message of the lowest failing rank
+        the rank's own exception where the body failed; elsewhere one of the same class if that is one
+        of this module, KeyboardInterrupt or SystemExit (else ContactError), with the message of the
+        lowest failing rank
     """
-    failure: Exception | None = None
-    try:
-        yield
-    except Exception as error:
-        failure = error
+    failure: BaseException | None = None
+    with timed(stage):
+        try:
+            yield
+        except BaseException as error:
+            failure = error
 
-    first = comm.allreduce(comm.size if failure is None else comm.rank, op=MPI.MIN)
+        first = comm.allreduce(comm.size if failure is None else comm.rank, op=MPI.MIN)
     if first == comm.size:
         return
     kind, message = _describe(failure) if comm.rank == first else (ContactError, "")
+    if isinstance(failure, SystemExit):
+        kind, message = SystemExit, failure.code
     kind, message = comm.bcast((kind, message), root=first)
     if failure is not None:
         raise failure
+    if kind is SystemExit:
+        raise SystemExit(message)
     raise kind(f"{stage}: rank {first}: {message}")
 
 
-def _describe(error: Exception | None) -> tuple[type[ContactError], str]:
+def _describe(error: BaseException | None) -> tuple[type[BaseException], str]:
     """The class that the other ranks shall raise, and the message to put in it."""
     for kind in (InputError, UnheldError, ConvergenceError, ContactError):
         if isinstance(error, kind):
             return kind, str(error)
-    return ContactError, f"{type(error).__name__}: {error}"
+    text = f"{type(error).__name__}: {error}"
+    return (KeyboardInterrupt if isinstance(error, KeyboardInterrupt) else ContactError), text

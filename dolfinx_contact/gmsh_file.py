@@ -26,7 +26,7 @@ def gmsh_model(path: Path, who: str) -> Iterator[Any]:
     import gmsh
 
     if not path.is_file():
-        raise InputError(f"{who}: there is no file {str(path)!r}.")
+        raise InputError(f"{who}: there is no file {str(path)!r}; give the name of a file.")
     ours = not is_running(gmsh)
     if ours:
         known = inspect.signature(gmsh.initialize).parameters
@@ -38,8 +38,13 @@ def gmsh_model(path: Path, who: str) -> Iterator[Any]:
     try:
         gmsh.merge(str(path))
         yield gmsh.model
+    except InputError as error:
+        raise InputError(f"{who}: {str(path)!r}: {error.args[0]}") from None
     except Exception as error:  # gmsh raises plain Exception
-        raise InputError(f"{who}: gmsh cannot read {str(path)!r}: {error}") from None
+        raise InputError(
+            f"{who}: gmsh cannot read {str(path)!r} ({error}); give a whole file that gmsh has written,"
+            " of a format that it knows."
+        ) from None
     finally:
         gmsh.model.remove()
         gmsh.model.setCurrent(model)

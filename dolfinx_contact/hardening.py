@@ -7,13 +7,14 @@ own function would.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _cpp
+from .checks import is_number, numbers
 from .errors import InputError
 
 Array = npt.NDArray[np.float64]
@@ -29,9 +30,11 @@ class _Law:
         """Yield stress and slope; arrays of the given shape."""
         return self._kernel(np.asarray(plastic_strain, dtype=float))
 
-    def _check(self, fits: bool, allowed: str) -> None:
-        if not fits:
-            raise InputError(f"{self}: {allowed}.")
+    def _check(self, fits: Callable[[], bool], allowed: str) -> None:
+        """Numbers of the law, which have to be finite."""
+        given = [getattr(self, field.name) for field in fields(self)]
+        if not all(is_number(value) and np.isfinite(value) for value in given) or not fits():
+            raise InputError(f"{self}: {allowed}, finite numbers.")
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,9 @@ class Swift(_Law):
     n: float
 
     def __post_init__(self) -> None:
-        self._check(self.K > 0 and self.eps0 > 0 and self.n >= 0, "give K, eps0 > 0 and n ≥ 0")
+        self._check(
+            lambda: self.K > 0 and self.eps0 > 0 and self.n >= 0, "give K, eps0 > 0 and n ≥ 0"
+        )
         object.__setattr__(self, "_kernel", _cpp.Swift(self.K, self.eps0, self.n))
 
 
@@ -72,7 +77,9 @@ class Linear(_Law):
     H: float = 0.0
 
     def __post_init__(self) -> None:
-        self._check(self.yield_stress > 0 and self.H >= 0, "give yield_stress > 0 and H ≥ 0")
+        self._check(
+            lambda: self.yield_stress > 0 and self.H >= 0, "give yield_stress > 0 and H ≥ 0"
+        )
         object.__setattr__(self, "_kernel", _cpp.Voce(self.yield_stress, 0.0, 0.0, self.H))
 
 
@@ -96,9 +103,11 @@ class Voce(_Law):
     H: float = 0.0
 
     def __post_init__(self) -> None:
-        fits = self.yield_stress > 0 and self.Q >= 0 and self.b > 0 and self.H >= 0
-        self._check(fits, "give yield_stress, b > 0 and Q, H ≥ 0")
+        self._check(self._fits, "give yield_stress, b > 0 and Q, H ≥ 0")
         object.__setattr__(self, "_kernel", _cpp.Voce(self.yield_stress, self.Q, self.b, self.H))
+
+    def _fits(self) -> bool:
+        return self.yield_stress > 0 and self.Q >= 0 and self.b > 0 and self.H >= 0
 
 
 @dataclass(frozen=True)
@@ -117,10 +126,14 @@ class Tabulated(_Law):
     stress: Sequence[float]
 
     def __post_init__(self) -> None:
-        x, y = (np.asarray(a, dtype=float) for a in (self.strain, self.stress))
+        x, y = numbers(self.strain), numbers(self.stress)
         fits = x.ndim == 1 and x.shape == y.shape and len(x) >= 2 and x[0] == 0
         fits = fits and bool(np.all(np.diff(x) > 0) and np.all(np.diff(y) >= 0) and y[0] > 0)
-        self._check(fits, "give increasing strains from 0 and positive stresses that do not fall")
+        if not fits or not np.isfinite(x[-1] + y[-1]):
+            raise InputError(
+                f"{self}: give increasing strains from 0 and positive stresses that do not fall, finite"
+                " numbers."
+            )
         object.__setattr__(self, "_kernel", _cpp.Tabulated(x, y))
 
 
@@ -136,6 +149,7 @@ def check(law: Hardening) -> None:
     try:
         stress, slope = (np.asarray(a, dtype=float) for a in law(ep))
         fits = stress.shape == slope.shape == ep.shape and bool(stress[0] > 0)
+        fits = fits and bool(np.isfinite(stress).all() and np.isfinite(slope).all())
     except (TypeError, ValueError):
         fits = False
     if not fits:

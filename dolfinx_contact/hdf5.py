@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zlib
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Callable
@@ -58,12 +59,13 @@ class NewFile:
                 self._failure = error
         return self
 
-    def put(self, name: str, rows: npt.NDArray[Any]) -> tuple[int, ...]:
+    def put(self, name: str, rows: npt.NDArray[Any], checked: bool = False) -> tuple[int, ...]:
         """Write all ranks' rows, one rank's after the other's. Collective.
 
         Args:
             name: of the dataset
             rows: this rank's, (n, …), of one type on all ranks
+            checked: with HDF5's checksums, so that a reader notices where bytes have changed
 
         Returns:
             the shape of all
@@ -75,7 +77,8 @@ class NewFile:
             if len(rows):
                 comm.Send([rows.view(np.uint8), MPI.BYTE], dest=0)
             return shape
-        self._try(lambda: self._file.create_dataset(name, shape, rows.dtype))
+        options = {"fletcher32": checked} if all(shape) else {}  # which need a part to be of
+        self._try(lambda: self._file.create_dataset(name, shape, rows.dtype, **options))
         first = 0
         for rank, count in enumerate(counts):
             if count == 0:
@@ -89,8 +92,12 @@ class NewFile:
         return shape
 
     def add(self, name: str, data: Any) -> None:
-        """Write data of rank 0."""
-        self._try(lambda: self._file.create_dataset(name, data=data))
+        """Write data of rank 0, with a checksum."""
+
+        def write() -> None:
+            self._file.create_dataset(name, data=data).attrs["crc32"] = checksum(data)
+
+        self._try(write)
 
     def _try(self, write: Callable[[], Any]) -> None:
         """Write on rank 0, if all has gone well so far."""
@@ -169,11 +176,16 @@ class _Disk:
             self.failure = self.failure or error
 
 
+def checksum(data: Any) -> int:
+    """Of a text, a number or an array of numbers."""
+    return zlib.crc32(data.encode() if isinstance(data, str) else np.asarray(data).tobytes())
+
+
 def reason(error: Exception) -> str:
     """Why something cannot be written, in words."""
     if isinstance(error, ModuleNotFoundError):
         return "the Python package h5py is missing (Debian: python3-h5py)."
-    return f"{error}. Is there space left, and may you write there?"
+    return f"{error}. Is there space left, and may you write there? Make space, or give another folder."
 
 
 def put_in_place(temporary: Path, path: Path) -> None:

@@ -9,6 +9,7 @@ measured differently on the deformed bodies. Search trees, matrices and the like
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, Sequence
 
 import numpy as np
@@ -181,6 +182,8 @@ class History:
             at, columns = file.rows(name, table)
             order = np.argsort(at, kind="stable")
             out[name] = {"row": at[order], **{k: v[order] for k, v in columns.items()}}
+        with together(self._comm, "LoadStepping.load"):
+            self._check_values(out)
         for i, pair in enumerate(self._problem.pairs):
             particles = out[f"pair{i}.particles"]
             particles["facet"] = pair.slave.id[particles["row"]]
@@ -192,6 +195,16 @@ class History:
                     particles["target_facet"], old, pair.master.id
                 )
         return out
+
+    def _check_values(self, columns: dict[str, dict[str, Array]]) -> None:
+        """Values of Functions are finite."""
+        for name, _ in itertools.chain(*self._dofs.values()):
+            for key, values in columns[name].items():
+                if not np.isfinite(values).all():
+                    raise InputError(
+                        f"LoadStepping.load: {self._places[name].label} has values ({key}) that are not"
+                        " finite; give a checkpoint of an accepted step."
+                    )
 
     def _check_particles(self, i: int, pair: Any, particles: dict[str, Array]) -> None:
         """The facets' particles are where the rows say: their nodes are in the same order."""

@@ -16,7 +16,9 @@ from typing import Any
 
 import numpy as np
 import ufl
+from ufl.core.expr import Expr
 
+from .checks import is_number, number
 from .errors import InputError
 
 GEOMETRIES = ("plane strain", "axisymmetric", "3D")
@@ -32,11 +34,11 @@ def lame(E: Any, nu: Any) -> tuple[Any, Any]:
     Raises:
         InputError: numbers that are not E > 0 and −1 < ν < 1/2
     """
-    if isinstance(E, (int, float)) and not E > 0:
-        raise InputError(f"materials.lame: E is {E}; give a positive number.")
-    if isinstance(nu, (int, float)) and not -1 < nu < 0.5:
+    if not isinstance(E, Expr):
+        number("materials.lame", "E", E, "a positive, finite number", lambda e: 0 < e < np.inf)
+    if not isinstance(nu, Expr) and not (is_number(nu) and -1 < nu < 0.5):
         raise InputError(
-            f"materials.lame: ν is {nu}; give −1 < ν < 0.5 (nearly incompressible bodies need mixed"
+            f"materials.lame: ν is {nu!r}; give −1 < ν < 0.5 (nearly incompressible bodies need mixed"
             " elements: docs/mixed.md)."
         )
     return E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
@@ -52,7 +54,12 @@ def displacement_gradient(u: Any, geometry: str | None = None) -> Any:
     Raises:
         InputError: a geometry that u's components do not fit, or an unknown one
     """
-    dim = u.ufl_shape[0]
+    shape = getattr(u, "ufl_shape", None)
+    if shape not in ((2,), (3,)):
+        raise InputError(
+            f"materials: u is {u!s:.80}, of the shape {shape}; give a displacement of 2 or 3 components."
+        )
+    dim = shape[0]
     geometry = {2: "plane strain", 3: "3D"}[dim] if geometry is None else geometry
     if geometry not in GEOMETRIES or (geometry == "3D") != (dim == 3):
         fit = ("3D",) if dim == 3 else GEOMETRIES[:2]

@@ -22,6 +22,7 @@ from dolfinx import mesh as _mesh
 from mpi4py import MPI
 
 from . import compat
+from .checks import file_name, numbers, whole
 from .errors import InputError, together
 from .gmsh_file import gmsh_model
 
@@ -70,24 +71,29 @@ def grid(
     Raises:
         InputError: unknown cell or degree, counts that do not fit
     """
-    if cell not in _DIMENSIONS or degree not in (1, 2):
+    if cell not in list(_DIMENSIONS) or degree not in (1, 2):
         raise InputError(
-            f"grid: {cell} of degree {degree}; give one of {', '.join(_DIMENSIONS)}, degree 1 or 2."
+            f"grid: {cell!r} of degree {degree!r}; give one of {', '.join(_DIMENSIONS)}, degree 1 or 2."
         )
-    dim = _DIMENSIONS[cell]
-    counts = np.asarray(counts, dtype=np.int64)
-    if counts.shape != (dim,) or counts.min() < 1:
-        raise InputError(f"grid: counts is {counts.tolist()}; give {dim} numbers of at least 1.")
+    dim, given = _DIMENSIONS[cell], numbers(counts)
+    if given.shape != (dim,) or not np.all(given >= 1) or np.any(given != np.floor(given)):
+        raise InputError(f"grid: counts is {counts!r}; give {dim} integers of at least 1.")
+    counts = given.astype(np.int64)
 
     # lattice of all nodes, the first direction runs fastest
     size = degree * counts + 1
     strides = np.concatenate([[1], np.cumprod(size[:-1])])
     lattice = _lattice(size)
-    low = np.zeros(dim) if lower is None else np.asarray(lower, dtype=np.float64)
-    high = np.ones(dim) if upper is None else np.asarray(upper, dtype=np.float64)
+    low = np.zeros(dim) if lower is None else numbers(lower)
+    high = np.ones(dim) if upper is None else numbers(upper)
+    if low.shape != (dim,) or high.shape != (dim,) or not np.all((low < high) & (high < np.inf)):
+        raise InputError(
+            f"grid: lower is {lower!r} and upper {upper!r}; give two corners of {dim} finite numbers,"
+            " each of lower's below that of upper."
+        )
     points = low + (high - low) * (lattice / (degree * counts))
     if mapping is not None:
-        points = np.asarray(mapping(points), dtype=np.float64)
+        points = _mapped(mapping, points)
 
     # nodes of the cells of one box, in lattice steps from the box's first node
     nodes = np.array(basix.create_element(basix.ElementFamily.P, _type(cell), degree).points)
@@ -119,12 +125,8 @@ def create(
     meta: tuple[Any, ...] | None = None
     with together(comm, "meshes.create"):
         if comm.rank == 0:
-            bodies = [bodies] if isinstance(bodies, Body) else list(bodies)
-            kinds = {(body.cell, body.degree) for body in bodies}
-            if len(kinds) != 1:
-                raise InputError(
-                    f"create: the bodies are {sorted(kinds)}; give bodies of one kind."
-                )
+            bodies = [bodies] if isinstance(bodies, Body) else bodies
+            kinds = _kinds(bodies)
             shifts = np.cumsum([0] + [len(body.points) for body in bodies])
             points = np.concatenate([body.points for body in bodies])
             cells = np.concatenate([b.cells + shift for b, shift in zip(bodies, shifts)])
@@ -162,7 +164,11 @@ def read_msh(comm: MPI.Comm, file: str | Path, dim: int) -> tuple[Any, Any, Any]
         model = None
         with together(comm, "meshes.read_msh"):
             if comm.rank == 0:
-                model = stack.enter_context(gmsh_model(Path(file), "meshes.read_msh"))
+                path = file_name("meshes.read_msh", file)
+                whole("meshes.read_msh", "dim", dim, 2, 3)
+                model = stack.enter_context(gmsh_model(path, "meshes.read_msh"))
+                if not np.isfinite(model.mesh.getNodes()[1]).all():
+                    raise InputError("it has nodes that are not finite; make the mesh anew")
                 if not model.getPhysicalGroups(dim):
                     raise InputError(
                         f"it has no physical groups of dimension {dim}; give one to each body, and"
@@ -185,14 +191,17 @@ def tag_facets(
         body: body of each local cell, as ``create`` returns it; needed where a pair is given
 
     Raises:
-        InputError: a pair is given without ``body``
+        InputError: no dictionary of tags and functions, functions that do not return a truth value for
+            each point, a pair without ``body``
     """
+    with together(mesh.comm, "tag_facets"):
+        _check_predicates(predicates)
     fdim = mesh.topology.dim - 1
     mesh.topology.create_connectivity(fdim, fdim + 1)
     tagged: dict[int, int] = {}
     for tag, chosen in predicates.items():
         predicate, number = chosen if isinstance(chosen, tuple) else (chosen, None)
-        facets = np.asarray(_mesh.locate_entities_boundary(mesh, fdim, predicate), dtype=np.int32)
+        facets = _located(mesh, fdim, predicate, tag)
         if number is not None:
             if body is None:
                 raise InputError(f"tag_facets: tag {tag} names body {number}; give body as well.")
@@ -204,6 +213,81 @@ def tag_facets(
 
 
 # -- helpers ----------------------------------------------------------------------------------
+
+
+def _mapped(mapping: Any, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Points where a mapping has taken them."""
+    returned = mapping(points) if callable(mapping) else mapping
+    moved = numbers(returned)
+    if moved.shape != points.shape or not np.isfinite(moved).all():
+        raise InputError(
+            f"grid: the mapping is or returns a {type(returned).__name__} of shape {np.shape(returned)};"
+            f" give a function that takes points {points.shape} to as many finite points."
+        )
+    return moved
+
+
+def _kinds(bodies: Any) -> set[tuple[str, int]]:
+    """Cell and degree of bodies, after checks."""
+    listed = isinstance(bodies, (list, tuple)) and len(bodies) > 0
+    if not listed or not all(isinstance(body, Body) for body in bodies):
+        raise InputError(
+            f"create: bodies is {bodies!r}; give a Body, or a list of them (see grid)."
+        )
+    for i, body in enumerate(bodies):
+        fits = body.cell in list(_DIMENSIONS) and body.degree in (1, 2)
+        if fits:
+            points, cells = numbers(body.points), np.asarray(body.cells)
+            element = basix.create_element(basix.ElementFamily.P, _type(body.cell), body.degree)
+            fits = points.ndim == 2 and points.shape[1] == _DIMENSIONS[body.cell]
+            fits = fits and bool(np.isfinite(points).all()) and cells.dtype.kind in "iu"
+            fits = fits and cells.ndim == 2 and cells.shape[1] == element.dim and len(cells) > 0
+            fits = fits and cells.min() >= 0 and cells.max() < len(points)
+        if not fits:
+            raise InputError(
+                f"create: body {i} of {body.cell!r} and degree {body.degree!r} does not hang together;"
+                f" give finite points, and at least one cell whose nodes are among them (cells of"
+                f" {', '.join(_DIMENSIONS)}, degree 1 or 2)."
+            )
+    kinds = {(body.cell, body.degree) for body in bodies}
+    if len(kinds) != 1:
+        raise InputError(f"create: the bodies are {sorted(kinds)}; give bodies of one kind.")
+    return kinds
+
+
+def _check_predicates(predicates: Any) -> None:
+    fits = isinstance(predicates, dict)
+    for tag, chosen in predicates.items() if fits else ():
+        predicate = chosen[0] if isinstance(chosen, tuple) and len(chosen) == 2 else chosen
+        fits = fits and callable(predicate)
+        fits = fits and isinstance(tag, (int, np.integer)) and -(2**31) <= tag < 2**31
+    if not fits:
+        raise InputError(
+            f"tag_facets: predicates is {predicates!r}; give a dictionary from tags, integers of 32 bits, to"
+            " functions of points, or pairs of these and the number of a body."
+        )
+
+
+def _located(mesh: Any, fdim: int, predicate: Predicate, tag: int) -> npt.NDArray[np.int32]:
+    """Exterior facets at whose vertices a predicate is true."""
+    wrong: list[Any] = []
+
+    def marked(x: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        found = predicate(x)
+        array = np.asarray(found)
+        if array.shape == x.shape[1:] and array.dtype.kind == "b":
+            return array
+        wrong.append(found)
+        return np.zeros(x.shape[1], dtype=bool)
+
+    facets = np.asarray(_mesh.locate_entities_boundary(mesh, fdim, marked), dtype=np.int32)
+    with together(mesh.comm, "tag_facets"):
+        if wrong:
+            raise InputError(
+                f"tag_facets: the function of tag {tag} returned {wrong[0]!r:.80}; give one that returns"
+                " a truth value for each point."
+            )
+    return facets
 
 
 def _type(cell: str) -> Any:
@@ -242,11 +326,15 @@ def _ranks(
     """The rank of each cell, checked."""
     if partition is None:
         return None
-    ranks = partition(points[cells].mean(axis=1), size) if callable(partition) else partition
-    ranks = np.asarray(ranks, dtype=np.int32)
+    given = partition(points[cells].mean(axis=1), size) if callable(partition) else partition
+    found = numbers(given)
+    if found.shape == (len(cells),) and np.all(found == np.floor(found)):
+        ranks = found.astype(np.int32)
+    else:
+        ranks = np.full(1, -1, dtype=np.int32)
     if ranks.shape != (len(cells),) or ranks.min() < 0 or ranks.max() >= size:
         raise InputError(
-            f"create: the partition has shape {ranks.shape} and ranks {np.unique(ranks).tolist()};"
+            f"create: the partition has shape {found.shape} and ranks {np.unique(found).tolist()};"
             f" give each of the {len(cells)} cells a rank between 0 and {size - 1}."
         )
     return ranks

@@ -11,12 +11,16 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from .errors import ContactError, InputError
 from .report import Report, told
 from .solvers import SaddlePoint, direct
 from .system import System
+from .watch import heed
 
 log = logging.getLogger("dolfinx_contact")
 _solver_number = itertools.count()
+# PETSc's numbers of errors that come of options: out of range, of another kind, unknown, not there
+_OPTIONS = (62, 63, 83, 86, 92)
 # Newton may go without progress for so many steps: the first ones change many statuses
 _PATIENCE = 3
 
@@ -51,6 +55,7 @@ class NewtonLoop:
         self.report = Report()
         self._first = self._first_matrix = True
         self._known: tuple[Any, Any] | None = None  # a trial x and its residual
+        self._keys: list[str] = []  # of PETSc's options that are ours
 
     def _set(self, snes: Any) -> None:
         """Our defaults, the problem's options, then the command line's. Collective."""
@@ -60,9 +65,9 @@ class NewtonLoop:
         prefix = f"dolfinx_contact_{next(_solver_number)}_"
         database = PETSc.Options()
         given = {**_DEFAULTS, **self._options}
-        self._keys = [prefix + key for key in given]
         for key, value in given.items():
             database[prefix + key] = value
+            self._keys.append(prefix + key)
         self._monitored = any(database.hasName(p + "snes_monitor") for p in ("", prefix))
         snes.setOptionsPrefix("")
         snes.setFromOptions()  # so that -snes_monitor and its like work
@@ -87,7 +92,9 @@ class NewtonLoop:
 
         Raises:
             UnheldError: on all ranks, if nothing holds a body at the first iterate
-            InputError: on all ranks, if solvers.iterative meets an unknown that is no displacement
+            InputError: on all ranks, if solvers.iterative meets an unknown that is no displacement, or
+                PETSc refuses an option
+            ContactError: PETSc has another error
         """
         system, self.report, self._enough = self.system, report, enough
         self._start = len(report.status_changes)
@@ -96,6 +103,11 @@ class NewtonLoop:
         self._trial = system.x.duplicate(), system.x.duplicate()
         try:
             self._set(snes)
+            if not 0 <= snes.rtol < 1 or snes.max_it < 1:
+                raise InputError(
+                    f"petsc_options: snes_rtol is {snes.rtol} and snes_max_it {snes.max_it}; give a"
+                    " tolerance between 0 and 1, and at least one iteration."
+                )
             snes.solve(None, system.x)
             report.iterations += snes.getIterationNumber()
             reason = snes.getConvergedReason()
@@ -104,6 +116,8 @@ class NewtonLoop:
             if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
                 report.reason += " / " + _linear_name(snes.getKSP().getConvergedReason())
             system.write(system.x)
+        except PETSc.Error as error:
+            raise _explained(error, self._options) from error
         finally:
             # PETSc 3.18 keeps what Python merely lets go of
             for thing in (snes, *self._trial):
@@ -178,6 +192,7 @@ class NewtonLoop:
 
     def _test(self, snes: Any, it: int, norms: tuple[float, float, float]) -> Any:
         system, report = self.system, self.report
+        heed(system.comm, "solve")
         reasons = PETSc.SNES.ConvergedReason
         bulk, contact = system.norms(snes.getFunction()[0])
         report.add(bulk, contact, system.changes)
@@ -200,6 +215,20 @@ class NewtonLoop:
         if it > 0 and ynorm <= 1e-13 * xnorm and worst <= 1e-6 * system.reference_force:
             return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.CONVERGED_ITERATING
+
+
+def _explained(error: Any, options: dict[str, Any]) -> ContactError:
+    """An error of PETSc's as one of ours."""
+    text = str(error).splitlines()[-1].partition("] ")[2] or str(error)
+    if error.ierr in _OPTIONS:
+        return InputError(
+            f"petsc_options: PETSc refuses {options} with its error {error.ierr} ({text}); give names of"
+            " solvers that this build of PETSc has, and values that they take."
+        )
+    return ContactError(
+        f"PETSc has ended the solve with its error {error.ierr} ({text}); take the default solver"
+        " (petsc_options=None), or another one."
+    )
 
 
 def _name(reason: int) -> str:

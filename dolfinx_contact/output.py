@@ -7,7 +7,6 @@ Geometries are the reference ones, with the displacement as a field (ParaView: W
 from __future__ import annotations
 
 import re
-from numbers import Real
 from pathlib import Path
 from typing import Any, Sequence
 from xml.etree import ElementTree
@@ -19,9 +18,11 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from . import compat, xdmf
+from .checks import agreed, file_name, is_number
 from .errors import ContactError, InputError, together
 from .hdf5 import TEMPORARY, NewFile
 from .pair import ContactPair
+from .watch import postponed, stage
 
 STATUS = ("open", "slip", "stick")  # as 0, 1, 2
 
@@ -76,21 +77,23 @@ class Writer:
         resume: float | None = None,
     ):
         displacements = list(u) if isinstance(u, (list, tuple)) else [u]
-        pairs = [pairs] if isinstance(pairs, ContactPair) else list(pairs)
-        fields = [fields] if isinstance(fields, fem.Function) else list(fields)
         if not displacements or not all(isinstance(v, fem.Function) for v in displacements):
-            raise InputError("Writer: u must be a dolfinx Function, or a list of them.")
-        if not all(isinstance(pair, ContactPair) for pair in pairs):
-            raise InputError("Writer: pairs must be a ContactPair, or a list of them.")
-        self.folder = Path(folder)
+            raise InputError(
+                f"Writer: u must be a dolfinx Function, or a list of them; give these for {u!r}."
+            )
         self._comm: MPI.Comm = displacements[0].function_space.mesh.comm
         with together(self._comm, "Writer"):
+            self.folder = file_name("Writer", folder)
+            pairs = _listed(pairs, ContactPair, "pairs")
+            fields = list(fields) if isinstance(fields, (list, tuple)) else [fields]
             bulks = [_Bulk(v) for v in displacements]
             for f in fields:
                 if not any(bulk.takes(f) for bulk in bulks):
                     raise InputError(
                         f"Writer: fields has {f!r}; give dolfinx Functions on the mesh of u."
                     )
+        names = [f.name for f in fields]
+        agreed(self._comm, "Writer", u=len(bulks), pairs=len(pairs), fields=names, resume=resume)
         self._grids: dict[str, Any] = {}
         for i, bulk in enumerate(bulks):
             bulk.prepare()
@@ -165,11 +168,16 @@ class Writer:
         """
         with together(self._comm, "Writer.write"):
             last = self.times[-1] if self.times else -np.inf
-            if not (isinstance(time, Real) and last < time < np.inf):
+            if not (is_number(time) and last < time < np.inf):
                 raise InputError(
                     f"Writer: time is {time!r} after {last}; give larger and larger numbers."
                 )
             fields = {name: grid.fields() for name, grid in self._grids.items()}
+        agreed(self._comm, "Writer.write", time=time)
+        with postponed(self._comm, "Writer.write"), stage("Writer.write"):
+            self._add(time, fields)
+
+    def _add(self, time: float, fields: dict[str, Fields]) -> None:
         added = {}
         path = self.folder / f"step_{self._number + 1:05d}.h5"
         with NewFile(self._comm, path, "Writer") as file:
@@ -360,6 +368,16 @@ class _Points:
 
 
 # -- helpers ---------------------------------------------------------------------------------------
+
+
+def _listed(given: Any, kind: Any, name: str) -> list[Any]:
+    """One thing of a kind, or a list of them, as a list."""
+    listed = [given] if isinstance(given, kind) else given
+    if not isinstance(listed, (list, tuple)) or not all(isinstance(one, kind) for one in listed):
+        raise InputError(
+            f"Writer: {name} must be a {kind.__name__}, or a list of them; give these for {given!r}."
+        )
+    return list(listed)
 
 
 def _numbered(name: str, i: int) -> str:

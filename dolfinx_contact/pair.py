@@ -12,6 +12,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from . import compat
+from .checks import agreed, number, switch
 from .errors import ContactError, InputError, together
 from .rules import (
     Gauss,
@@ -103,20 +104,21 @@ class ContactPair:
     ):
         if not isinstance(slave, Surface):
             raise InputError(f"ContactPair: slave is a {type(slave).__name__}; give a Surface.")
-        self.slave, self.master = slave, master
-        self.tools = [] if isinstance(master, Surface) else _tools(master, slave.dim)
-        self.comm = slave.comm
+        self.slave, self.master, self.comm = slave, master, slave.comm
         self.target, self.integration = target, integration
         if normals is None:
             normals = {Smooth: "interpolated", SlaveNormal: "direction"}.get(type(target), "facet")
-        self.normals, self.crease = normals, float(crease)
-        self.pressure_space, self.axisymmetric = pressure_space, bool(axisymmetric)
+        self.normals, self.crease = normals, crease
+        self.pressure_space, self.axisymmetric = pressure_space, axisymmetric
         self.coefficient, self.slip = friction, slip
         self.friction_space = pressure_space if friction_space is None else friction_space
-        self.rho_n, self.rho_t, self.initial_contact = rho_n, rho_t, float(initial_contact)
-        self.augmented = bool(augmented)
+        self.rho_n, self.rho_t, self.initial_contact = rho_n, rho_t, initial_contact
+        self.augmented = augmented
         with together(self.comm, "ContactPair"):
+            self.tools = [] if isinstance(master, Surface) else _tools(master, slave.dim)
             self._check()
+        self._agree()
+        with together(self.comm, "ContactPair"):
             self._psi = self._basis("pressure_space")
             self._phi = self._basis("friction_space")
             if isinstance(integration, Segments):
@@ -151,6 +153,14 @@ class ContactPair:
         """Whether there are friction unknowns."""
         return self.coefficient > 0
 
+    def _agree(self) -> None:
+        """Refuse what is not the same on all ranks. Collective."""
+        names = [name for name in vars(self) if name not in ("slave", "master", "comm", "tools")]
+        tools = {"master": self.tools or "a Surface"}
+        given = {name: getattr(self, name) for name in names} | tools
+        given["friction"] = given.pop("coefficient")
+        agreed(self.comm, "ContactPair", **given)
+
     def _check(self) -> None:
         slave, master = self.slave, self.master
         rigid = bool(self.tools)
@@ -181,15 +191,13 @@ class ContactPair:
         }[self.target.kind]
         if self.normals not in fits:
             raise InputError(
-                f"ContactPair: normals is {self.normals!r} with {type(self.target).__name__};"
-                ' "interpolated" goes with every target, "facet" with all but Smooth, "direction"'
-                " with SeekDirection and SlaveNormal; None picks what fits."
+                f"ContactPair: normals is {self.normals!r} with {type(self.target).__name__}; give"
+                ' "interpolated", which goes with every target, "facet", with all but Smooth, or'
+                ' "direction", with SeekDirection and SlaveNormal; None picks what fits.'
             )
-        if not 0 < self.crease <= 180:
-            raise InputError(
-                f"ContactPair: crease is {self.crease}; give an angle in degrees, above 0 and up to"
-                " 180."
-            )
+        who = "ContactPair"
+        angle = "an angle in degrees, above 0 and up to 180"
+        self.crease = number(who, "crease", self.crease, angle, lambda a: 0 < a <= 180)
         if rigid and isinstance(self.target, (SeekDirection, SlaveNormal)):
             raise InputError(
                 f"ContactPair: target is {self.target!r}, but the target on a rigid tool is the"
@@ -199,33 +207,32 @@ class ContactPair:
         if direction is not None and not callable(direction) and len(direction) != slave.dim:
             raise InputError(
                 f"ContactPair: the seek direction {direction!r} has {len(direction)} components in"
-                f" {slave.dim} dimensions."
+                f" {slave.dim} dimensions; give {slave.dim}."
             )
         for name, value, unit in (
             ("rho_n", self.rho_n, "of pressure per length"),
             ("rho_t", self.rho_t, "per length"),
         ):
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(
-                    f"ContactPair: {name} is {value}; give a positive number {unit}, or None for"
-                    " the automatic one."
-                )
-        if not (np.isscalar(self.coefficient) and 0 <= self.coefficient < np.inf):
-            raise InputError(
-                f"ContactPair: friction is {self.coefficient!r}; give Coulomb's coefficient, a"
-                " finite number ≥ 0."
-            )
+            if value is not None:
+                allowed = f"a positive number {unit}, or None for the automatic one"
+                number(who, name, value, allowed, lambda rho: 0 < rho < np.inf)
+        coefficient = "Coulomb's coefficient, a finite number ≥ 0"
+        number(who, "friction", self.coefficient, coefficient, lambda mu: 0 <= mu < np.inf)
         if self.slip not in ("convected", "increment"):
             raise InputError(
                 f'ContactPair: slip is {self.slip!r}; give "convected" or "increment".'
             )
-        if not self.initial_contact >= 0:
-            raise InputError(
-                f"ContactPair: initial_contact is {self.initial_contact}; give a fraction of the"
-                " facet's size, 0 or more."
-            )
-        if self.axisymmetric and slave.dim != 2:
-            raise InputError("ContactPair: axisymmetric pairs are two-dimensional (r, z).")
+        self.initial_contact = number(
+            who,
+            "initial_contact",
+            self.initial_contact,
+            "a fraction of the facet's size, 0 or more and finite",
+            lambda part: 0 <= part < np.inf,
+        )
+        self.augmented = switch(who, "augmented", self.augmented)
+        self.axisymmetric = switch(who, "axisymmetric", self.axisymmetric)
+        if self.axisymmetric:
+            self._check_axis()
         if not rigid and slave.u.function_space.mesh is master.u.function_space.mesh:
             common = np.intersect1d(slave.id, master.id)
             if len(common) > 0:
@@ -234,6 +241,19 @@ class ContactPair:
                     f" {len(common)} facets on rank {self.comm.rank}; a facet can be on one side"
                     " only. Give the two surfaces different tags."
                 )
+
+    def _check_axis(self) -> None:
+        """Radii are not negative."""
+        if self.slave.dim != 2:
+            raise InputError(
+                "ContactPair: axisymmetric pairs are two-dimensional; give a mesh of a section (r, z)."
+            )
+        X = self.slave.X
+        if X[..., 0].min(initial=0.0) < -1e-10 * np.abs(X).max(initial=0.0):
+            raise InputError(
+                f"ContactPair: axisymmetric is True, but the slave reaches to r = {X[..., 0].min():.4g};"
+                " give a mesh on the side r ≥ 0 of the axis alone."
+            )
 
     def _check_exclude(self, exclude: Any) -> tuple[Any, list[int]]:
         mesh = self.slave.u.function_space.mesh
@@ -250,16 +270,17 @@ class ContactPair:
 
     def _basis(self, name: str) -> Any:
         space = getattr(self, name)
-        try:
-            family, degree = space
-            if int(degree) != degree or not 0 <= degree <= 2:
-                raise InputError(f"degree {degree} is not one of 0, 1, 2")
-            return basis_polynomials(self.slave.shape, degree, family)
-        except (InputError, TypeError, ValueError) as error:
-            raise InputError(
-                f"ContactPair: {name} is {space!r} ({error}); the facets"
-                ' carry ("Lagrange", 1), ("Lagrange", 2), ("DG", 0), ("DG", 1), ("DG", 2).'
-            ) from None
+        known = isinstance(space, (tuple, list)) and len(space) == 2
+        if known and isinstance(space[0], str) and isinstance(space[1], (int, np.integer)):
+            try:
+                if 0 <= space[1] <= 2:
+                    return basis_polynomials(self.slave.shape, int(space[1]), space[0])
+            except InputError:
+                pass
+        raise InputError(
+            f"ContactPair: {name} is {space!r}; give a family and a degree that facets carry:"
+            ' ("Lagrange", 1), ("Lagrange", 2), ("DG", 0), ("DG", 1) or ("DG", 2).'
+        )
 
     def _warn(self) -> None:
         """Tell the user, on rank 0, of a choice that is known to be unstable."""

@@ -54,6 +54,13 @@ def repartition(
         InputError: on all ranks, for tags of another dimension or mesh, and for unknown tags
     """
     several = isinstance(mesh, (list, tuple))
+    if several != isinstance(facet_tags, (list, tuple)) or not all(
+        hasattr(m, "topology") for m in (mesh if several else [mesh])
+    ):
+        raise InputError(
+            f"repartition: mesh is a {type(mesh).__name__} and facet_tags a {type(facet_tags).__name__};"
+            " give a mesh and its tags, or a list of two and a list of their tags."
+        )
     meshes = list(mesh) if several else [mesh]
     tags = list(facet_tags) if several else [facet_tags]
     of_cells = list(cell_tags) if several and cell_tags is not None else [cell_tags] * len(meshes)
@@ -63,11 +70,10 @@ def repartition(
             " cell_tags; give one mesh, or two (the slave's and the master's) with tags of each."
         )
     comm = meshes[0].comm
-    masters = [master] if isinstance(master, (int, np.integer)) else list(master)
+    none = isinstance(master, (tuple, list)) and len(master) == 0
     with together(comm, "repartition"):
         slaves = check_tags(tags[0], slave, meshes[0])
-        if masters:
-            masters = check_tags(tags[-1], masters, meshes[-1])
+        masters = [] if none else check_tags(tags[-1], master, meshes[-1])
     check_available(comm, tags[0], slaves)
     check_available(comm, tags[-1], masters)
 

@@ -18,7 +18,8 @@ from dolfinx import fem
 
 from . import _cpp, compat
 from . import hardening as _hardening
-from .errors import InputError
+from .checks import agreed, is_number
+from .errors import InputError, together
 from .hardening import Hardening, Linear, Swift, Tabulated, Voce
 from .quadrature import QuadratureLaw
 
@@ -77,18 +78,30 @@ class J2(QuadratureLaw):
         dx: Any = None,
         cells: npt.NDArray[np.int32] | None = None,
     ):
+        if not isinstance(u, fem.Function):
+            raise InputError(f"J2: u is a {type(u).__name__}; give the displacement, a Function.")
         mesh = u.function_space.mesh
         dim = mesh.geometry.dim
         kind = ("plane strain" if dim == 2 else "3D") if kind is None else kind
-        if not (E > 0 and -1 < nu < 0.5):
-            raise InputError(f"J2: E is {E} and nu {nu}; give E > 0 and −1 < nu < 1/2.")
-        if _KINDS.get(kind) != dim or mesh.topology.dim != dim:
+        with together(mesh.comm, "J2"):
+            numbers = is_number(E) and is_number(nu)
+            if not numbers or not (0 < E < np.inf and -1 < nu < 0.5):
+                raise InputError(
+                    f"J2: E is {E!r} and nu {nu!r}; give a finite E > 0 and −1 < nu < 1/2."
+                )
+        agreed(
+            mesh.comm, "J2", E=E, nu=nu, quadrature_degree=quadrature_degree, hardening=hardening
+        )
+        if kind not in list(_KINDS) or _KINDS[kind] != dim or mesh.topology.dim != dim:
             raise InputError(
                 f"J2: kind is {kind!r} on a mesh of dimension {mesh.topology.dim} in {dim}D; give"
                 ' "plane strain" or "axisymmetric" in 2D, "3D" in 3D.'
             )
         if compat.value_shape(u.function_space) != (dim,):
-            raise InputError(f"J2: u must be a displacement with {dim} components.")
+            raise InputError(
+                f"J2: u has values of shape {compat.value_shape(u.function_space)}; give a displacement"
+                f" with {dim} components."
+            )
         _hardening.check(hardening)
         self.u, self.kind, self.hardening = u, kind, hardening
         X = ufl.SpatialCoordinate(mesh)
@@ -97,10 +110,9 @@ class J2(QuadratureLaw):
             if kind == "axisymmetric":
                 F = _blocks([F[0, 0], F[0, 1], F[1, 0], F[1, 1], 1 + u[0] / X[0]])
         allowed = [(3, 3), (2, 2)] if kind == "plane strain" else [(3, 3)]
-        if tuple(F.ufl_shape) not in allowed:
-            raise InputError(
-                f"J2: F has the shape {tuple(F.ufl_shape)}; for {kind} give one of {allowed}."
-            )
+        shape = getattr(F, "ufl_shape", "of no UFL")
+        if shape not in allowed:
+            raise InputError(f"J2: F has the shape {shape}; for {kind} give one of {allowed}.")
         # only what varies of F goes through the kernel
         varies = F if dim == 3 or F.ufl_shape == (2, 2) else ufl.as_vector([F[i] for i in _BLOCK])
         self.lmbda, self.mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))

@@ -22,6 +22,7 @@ from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 
 from . import render
+from .checks import file_name, numbers
 from .errors import ContactError, InputError, together
 from .pair import ContactPair, Particles
 from .report import Report
@@ -138,6 +139,7 @@ def pressure(
         the figure on rank 0, else None
 
     Raises:
+        InputError: another thing than a pair
         ContactError: on all ranks, if the pair has not been solved or the file cannot be written
     """
     facets = gather_pressure(pair, parts=4)
@@ -184,9 +186,14 @@ def status(
         the figure on rank 0, else None
 
     Raises:
+        InputError: another thing than a pair
         ContactError: on all ranks, if the pair has not been solved or the file cannot be written
     """
     particles, comm = shown, None
+    if not isinstance(shown, (ContactPair, Particles, type(None))):
+        raise InputError(
+            f"plot.status: shown is a {type(shown).__name__}; give a ContactPair, or its particles."
+        )
     if isinstance(shown, ContactPair):
         particles, comm = shown.particles.gather(), shown.comm
 
@@ -239,7 +246,7 @@ def history(
         InputError: values of another length than x
         ContactError: the file cannot be written
     """
-    x = np.asarray(x, dtype=float)
+    x = numbers(x)
     for name, values in curves.items():
         if np.shape(values) != x.shape:
             raise InputError(
@@ -279,9 +286,12 @@ def convergence(
         InputError: no reports
         ContactError: the file cannot be written
     """
-    reports = [reports] if isinstance(reports, Report) else list(reports)
-    if not reports or not all(isinstance(report, Report) for report in reports):
-        raise InputError("plot.convergence: give a Report, or a list of them.")
+    reports = [reports] if isinstance(reports, Report) else reports
+    listed = isinstance(reports, (list, tuple)) and len(reports) > 0
+    if not listed or not all(isinstance(report, Report) for report in reports):
+        raise InputError(
+            f"plot.convergence: reports is {reports!r}; give a Report, or a list of them."
+        )
 
     def draw(figure: Any, axes: Any) -> None:
         first, beside = 0, axes.twinx()
@@ -337,11 +347,11 @@ def _picture(
         draw(figure, axes)
         if file is not None:
             try:
-                Path(file).parent.mkdir(parents=True, exist_ok=True)
+                file_name(stage, file).parent.mkdir(parents=True, exist_ok=True)
                 figure.savefig(file, dpi=130)
-            except OSError as error:
+            except (OSError, ValueError) as error:  # of matplotlib: an unknown format
                 raise ContactError(
-                    f"{stage}: {file} cannot be written ({error}); give another path."
+                    f"{stage}: {file} cannot be written ({error}); give another name."
                 ) from error
 
     if comm is None:

@@ -7,16 +7,19 @@ from typing import Any, Sequence
 
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
 from . import compat
-from .errors import ConvergenceError, InputError
+from .checks import agreed
+from .errors import ConvergenceError, InputError, together
 from .pair import ContactPair
 from .quadrature import QuadratureLaw, check_materials
 from .report import Report
 from .strategy import FixedPoint, Newton
 from .system import System, derivative
+from .watch import heed, postponed, stage
 
 
 class ContactProblem:
@@ -59,37 +62,73 @@ class ContactProblem:
         forms = list(F) if isinstance(F, (list, tuple)) else [F]
         unknowns = list(u) if isinstance(u, (list, tuple)) else [u]
         if not unknowns or not all(isinstance(v, fem.Function) for v in unknowns):
-            raise InputError("ContactProblem: u must be a dolfinx Function, or a list of them.")
+            raise InputError(
+                f"ContactProblem: u must be a dolfinx Function, or a list of them; give these for {u!r}."
+            )
+        self.comm = unknowns[0].function_space.mesh.comm
+        with together(self.comm, "ContactProblem"):
+            pairs = self._check(forms, unknowns, pairs, bcs, strategy, petsc_options)
+            materials = _listed(materials, QuadratureLaw, "materials")
+            check_materials(materials, forms, unknowns)
+        self.pairs, self.u = pairs, unknowns
+        self.strategy = Newton() if strategy is None else strategy
+        self.petsc_options = dict(petsc_options or {})
+        agreed(
+            self.comm,
+            "ContactProblem",
+            unknowns=len(unknowns),
+            pairs=len(pairs),
+            bcs=len(bcs),
+            materials=len(materials),
+            strategy=self.strategy,
+            petsc_options=self.petsc_options,
+        )
+        _check_slaves(pairs)
+        with together(self.comm, "ContactProblem"):
+            if J is None:
+                jacobian = derivative(forms, unknowns, materials)
+            else:
+                jacobian = [list(row) for row in J] if isinstance(J, (list, tuple)) else [[J]]
+            _check_jacobian(jacobian, unknowns)
+        with stage("ContactProblem"):
+            self.system = System(forms, unknowns, jacobian, pairs, list(bcs), materials)
+        self.report: Report | None = None
+        for tool in {id(t): t for pair in self.pairs for t in pair.tools}.values():
+            tool._pairs = [(p, p.tools.index(tool)) for p in self.pairs if tool in p.tools]
+
+    @staticmethod
+    def _check(
+        forms: list[Any],
+        unknowns: list[Any],
+        pairs: Any,
+        bcs: Any,
+        strategy: Any,
+        petsc_options: Any,
+    ) -> list[ContactPair]:
+        """What this rank can see alone; the pairs as a list."""
         if len(forms) != len(unknowns):
             raise InputError(
                 f"ContactProblem: {len(forms)} residuals F for {len(unknowns)} unknowns u; give one"
                 " residual for each unknown."
             )
-        _check_unknowns(forms, unknowns, bcs)
-        if isinstance(pairs, ContactPair):
-            pairs = [pairs]
-        listed = isinstance(pairs, (list, tuple))
-        if not listed or not all(isinstance(p, ContactPair) for p in pairs):
-            raise InputError("ContactProblem: pairs must be a list of ContactPair.")
-        self.pairs, self.u = list(pairs), unknowns
-        self.comm = unknowns[0].function_space.mesh.comm
-        _check_slaves(self.pairs)
-        materials = [materials] if isinstance(materials, QuadratureLaw) else list(materials)
-        check_materials(materials, forms, unknowns)
-        if J is None:
-            jacobian = derivative(forms, unknowns, materials)
-        else:
-            jacobian = [list(row) for row in J] if isinstance(J, (list, tuple)) else [[J]]
-        if len(jacobian) != len(forms) or any(len(row) != len(forms) for row in jacobian):
+        if not isinstance(bcs, (list, tuple)) or not all(hasattr(bc, "dof_indices") for bc in bcs):
             raise InputError(
-                f"ContactProblem: J must have {len(forms)} rows of {len(forms)} forms (or None)."
+                f"ContactProblem: bcs is {bcs!r}; give a list of Dirichlet conditions (fem.dirichletbc)."
             )
-        self.strategy = Newton() if strategy is None else strategy
-        self.petsc_options = dict(petsc_options or {})
-        self.system = System(forms, unknowns, jacobian, self.pairs, list(bcs), materials)
-        self.report: Report | None = None
-        for tool in {id(t): t for pair in self.pairs for t in pair.tools}.values():
-            tool._pairs = [(p, p.tools.index(tool)) for p in self.pairs if tool in p.tools]
+        _check_unknowns(forms, unknowns, bcs)
+        if strategy is not None and not isinstance(strategy, (Newton, FixedPoint)):
+            raise InputError(
+                f"ContactProblem: strategy is {strategy!r}; give Newton() or FixedPoint()."
+            )
+        if not isinstance(petsc_options, (dict, type(None))) or not all(
+            isinstance(key, str) and isinstance(value, (str, int, float, bool, type(None)))
+            for key, value in (petsc_options or {}).items()
+        ):
+            raise InputError(
+                f"ContactProblem: petsc_options is {petsc_options!r}; give a dict of names, without"
+                ' prefix, and values, as {"ksp_type": "gmres"}.'
+            )
+        return _listed(pairs, ContactPair, "pairs")
 
     def solve(self) -> Report:
         """Solve for the present loads and Dirichlet values, from the present u. Collective.
@@ -101,11 +140,17 @@ class ContactProblem:
             ConvergenceError: on all ranks; u and the pairs are then as they were before the call
             UnheldError: on all ranks, if nothing holds a body as the solve begins; likewise
             ContactError: on all ranks, if u or a Dirichlet value on a surface is not finite
+            KeyboardInterrupt: on all ranks, after Ctrl-C on any of them, at the next iteration
         """
+        with postponed(self.comm, "solve"), stage("solve"):
+            return self._solve()
+
+    def _solve(self) -> Report:
         system = self.system
         before = system.values()
         try:
             report = self.strategy.solve(system, self.petsc_options)
+            heed(self.comm, "solve")
         except BaseException:
             system.fill(before)
             raise
@@ -162,18 +207,60 @@ class ContactProblem:
         return not self.system.driven.approached
 
 
+def _listed(given: Any, kind: Any, name: str) -> list[Any]:
+    """A list of things of a kind, or one of them."""
+    if isinstance(given, kind):
+        return [given]
+    if not isinstance(given, (list, tuple)) or not all(isinstance(one, kind) for one in given):
+        raise InputError(f"ContactProblem: {name} is {given!r}; give a list of {kind.__name__}.")
+    return list(given)
+
+
+def _check_jacobian(J: list[list[Any]], u: Sequence[Any]) -> None:
+    """Rows and columns of bilinear forms on the spaces of the unknowns."""
+    if len(J) != len(u) or any(len(row) != len(u) for row in J):
+        raise InputError(
+            f"ContactProblem: J has {[len(row) for row in J]} forms in its rows; give {len(u)} rows of"
+            f" {len(u)} forms (or None)."
+        )
+    for i, row in enumerate(J):
+        for j, form in enumerate(row):
+            if form is None:
+                continue
+            arguments = form.arguments() if isinstance(form, ufl.Form) else ()
+            spaces = [argument.ufl_function_space() for argument in arguments]
+            if len(arguments) != 2 or any(
+                V.ufl_element() != v.function_space.ufl_element()
+                or V.ufl_domain() != v.function_space.ufl_domain()
+                for V, v in zip(spaces, (u[i], u[j]))
+            ):
+                raise InputError(
+                    f"ContactProblem: J[{i}][{j}] is no bilinear form on the spaces of u[{i}] and u[{j}];"
+                    " give the derivative of the residual, or leave J out."
+                )
+    if not any(form is not None for row in J for form in row):
+        raise InputError(
+            "ContactProblem: no residual depends on an unknown, and the matrix would be zero; write F"
+            " with u, not with a trial function or a copy of it."
+        )
+
+
 def _check_unknowns(F: Sequence[Any], u: Sequence[Any], bcs: Sequence[Any]) -> None:
     """Each residual belongs to its unknown, and each Dirichlet condition to one unknown."""
     if len(set(map(id, u))) != len(u):
         raise InputError("ContactProblem: u has a Function twice; give each unknown once.")
     for i, (form, v) in enumerate(zip(F, u)):
-        tests = form.arguments() if hasattr(form, "arguments") else ()
+        tests = form.arguments() if isinstance(form, ufl.Form) else ()
         if len(tests) != 1:
             raise InputError(
-                f"ContactProblem: F[{i}] has {len(tests)} test functions; give a UFL form that is"
-                " linear in one test function."
+                f"ContactProblem: F[{i}] has {len(tests)} test functions; give a UFL form, an"
+                " integral, that is linear in one test function."
             )
-        if tests[0].ufl_function_space().ufl_element() != v.function_space.ufl_element():
+        V = tests[0].ufl_function_space()
+        if (
+            V.ufl_element() != v.function_space.ufl_element()
+            or V.ufl_domain() != v.function_space.ufl_domain()
+        ):
             raise InputError(
                 f"ContactProblem: the test function of F[{i}] is not of the space of u[{i}]"
                 f" ({v.name}); give the residuals in the order of the unknowns."

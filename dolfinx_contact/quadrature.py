@@ -16,6 +16,7 @@ from dolfinx import fem
 from ufl.algorithms import expand_derivatives, extract_coefficients
 
 from . import compat
+from .checks import whole
 from .errors import InputError, together
 
 Array = npt.NDArray[np.float64]
@@ -96,16 +97,20 @@ class QuadratureLaw:
         dx: Any = None,
         cells: npt.NDArray[np.int32] | None = None,
     ):
-        functions = [f for f in extract_coefficients(F) if isinstance(f, fem.Function)]
+        expression = isinstance(F, ufl.core.expr.Expr)
+        coefficients = extract_coefficients(F) if expression else []
+        functions = [f for f in coefficients if isinstance(f, fem.Function)]
         if not functions:
-            raise InputError("QuadratureLaw: F depends on no dolfinx Function; give I + grad(u).")
-        if int(quadrature_degree) != quadrature_degree or quadrature_degree < 0:
             raise InputError(
-                f"QuadratureLaw: quadrature_degree is {quadrature_degree}; give 0, 1, 2, …"
+                f"QuadratureLaw: F is {F!s:.80} and depends on no dolfinx Function; give I + grad(u)."
             )
+        whole("QuadratureLaw", "quadrature_degree", quadrature_degree, 0)
         missing = [n for n in ("update", "commit", "restore") if not hasattr(law, n)]
         if missing:
-            raise InputError(f"QuadratureLaw: the law has no {' and no '.join(missing)}.")
+            raise InputError(
+                f"QuadratureLaw: the law, a {type(law).__name__}, has no {' and no '.join(missing)};"
+                " give an object with these methods (see quadrature.Law)."
+            )
         self.F, self.law, self.shape = F, law, tuple(F.ufl_shape)
         self.degree, self.mesh = int(quadrature_degree), functions[0].function_space.mesh
         self.comm, self._functions = self.mesh.comm, functions
@@ -120,12 +125,14 @@ class QuadratureLaw:
         self._cells = np.arange(owned, dtype=np.int32)
         with together(self.comm, "QuadratureLaw"):
             if cells is not None:
-                self._cells = np.unique(cells).astype(np.int32)
-                if np.any((self._cells < 0) | (self._cells >= owned)):
+                given = np.asarray(cells)
+                integers = given.ndim == 1 and (given.dtype.kind in "iu" or given.size == 0)
+                if not integers or np.any((given < 0) | (given >= owned)):
                     raise InputError(
-                        f"QuadratureLaw: cells reach from {self._cells[0]} to {self._cells[-1]};"
-                        f" this rank owns the cells below {owned}."
+                        f"QuadratureLaw: cells is {cells!r}; this rank owns the cells from 0 and below"
+                        f" {owned}, give some of these integers."
                     )
+                self._cells = np.unique(given).astype(np.int32)
         self._stress = self.field((size,), "stress")
         self._stress._quadrature_law = self  # see check_materials
         self.A = self.field((size, size), "tangent")
@@ -157,8 +164,17 @@ class QuadratureLaw:
 
     def _evaluate(self) -> None:
         F = compat.evaluate(self._expression, self.mesh, self._cells)
-        P, A = self.law.update(F.reshape(self.size, *self.shape))
-        P, A, n = np.asarray(P), np.asarray(A), self.size
+        returned, n = self.law.update(F.reshape(self.size, *self.shape)), self.size
+        if not isinstance(returned, (tuple, list)) or len(returned) != 2:
+            raise InputError(
+                f"QuadratureLaw: the law returned a {type(returned).__name__}; return two arrays, P and"
+                " dP/dF."
+            )
+        P, A = (np.asarray(array) for array in returned)
+        if P.dtype.kind not in "biuf" or A.dtype.kind not in "biuf":
+            raise InputError(
+                f"QuadratureLaw: the law returned arrays of {P.dtype} and {A.dtype}; return real numbers."
+            )
         if P.shape != (n, *self.shape) or A.shape != (n, *self.shape, *self.shape):
             raise InputError(
                 f"QuadratureLaw: at {n} points and for F of shape {self.shape} the law returned P"
@@ -313,13 +329,9 @@ def check_materials(
     """Whether laws, residuals and unknowns belong together.
 
     Raises:
-        InputError: if one of the materials is no QuadratureLaw, has no unknown or is in no form, or
-            a form has the stress of another law
+        InputError: if one of the materials has no unknown or is in no form, or a form has the stress
+            of another law
     """
-    if not all(isinstance(m, QuadratureLaw) for m in materials):
-        raise InputError(
-            "ContactProblem: materials must be a list of QuadratureLaw, as plasticity.J2 is one."
-        )
     coefficients = [f for form in forms for f in form.coefficients()]
     for i, m in enumerate(materials):
         if not any(f is v for f in m._functions for v in unknowns):
@@ -329,8 +341,8 @@ def check_materials(
             )
         if m._stress not in coefficients:
             raise InputError(
-                f"ContactProblem: the stress P of material {i} is in no residual; write the form"
-                " with it."
+                f"ContactProblem: the stress P of material {i} is in no residual; use it in the form, or"
+                " leave the material out."
             )
     laws = {id(m) for m in materials}
     for f in coefficients:

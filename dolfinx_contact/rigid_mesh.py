@@ -11,10 +11,11 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from . import _cpp
+from .checks import file_name, numbers, switch
 from .errors import InputError, together
 from .gmsh_file import gmsh_model
 from .surface import reference_facet
-from .tools import RigidTool, numbers
+from .tools import RigidTool
 
 
 class RigidMesh(RigidTool):
@@ -52,7 +53,7 @@ class RigidMesh(RigidTool):
             )
         super().__init__(x.shape[1])
         self.points, self.cells = x, c.astype(np.int64)
-        self.flip = bool(flip)
+        self.flip = switch("RigidMesh", "flip", flip)
         self._check()
 
     @classmethod
@@ -76,7 +77,7 @@ class RigidMesh(RigidTool):
         found = None
         with together(comm, "RigidMesh.read"):
             if comm.rank == 0:
-                found = _read(Path(path), tags)
+                found = _read(file_name("RigidMesh.read", path), tags)
         points, cells = comm.bcast(found, root=0)
         return cls(points, cells, flip)
 
@@ -157,7 +158,8 @@ def _read(path: Path, tags: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
     if len(cells) == 0:
         raise InputError(
             f"RigidMesh.read: {str(path)!r} has no triangles or quadrilaterals (or lines, in 2D)"
-            + ("." if tags is None else f" in the physical groups {tags!r}.")
+            + ("" if tags is None else f" in the physical groups {tags!r}")
+            + "; give a file with cells of first order, and tags of its groups."
         )
     position = np.zeros(int(nodes.max()) + 1, dtype=np.int64)
     position[nodes.astype(np.int64)] = np.arange(len(nodes))

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _cpp, compat
+from .checks import number, numbers, switch, whole
 from .errors import InputError
 
 
@@ -90,7 +91,7 @@ class SeekDirection:
         _check_search(self)
         if callable(self.direction):
             return
-        e = np.asarray(self.direction, dtype=float)
+        e = numbers(self.direction)
         if e.ndim != 1 or len(e) not in (2, 3) or not np.all(np.isfinite(e)) or not np.any(e):
             raise InputError(
                 f"SeekDirection: the direction is {self.direction!r}; give a vector of 2 or 3"
@@ -117,11 +118,13 @@ class SeekDirection:
         else:
             padded = np.zeros((3, n))
             padded[:dim] = X.T
-            e = np.asarray(self.direction(padded), dtype=float)
+            returned = self.direction(padded)
+            e = numbers(returned)
             if e.shape != (dim, n):
                 raise InputError(
-                    f"SeekDirection: the function of X returned an array of shape {e.shape}; for"
-                    f" points of shape (3, {n}) it must return ({dim}, {n})."
+                    f"SeekDirection: the function of X returned a {type(returned).__name__} of shape"
+                    f" {np.shape(returned)}; for points of shape (3, {n}) give an array of numbers of"
+                    f" shape ({dim}, {n})."
                 )
             e = e.T
         length = np.linalg.norm(e, axis=1)
@@ -154,14 +157,20 @@ class SlaveNormal:
 
     def __post_init__(self) -> None:
         _check_search(self)
+        switch("SlaveNormal", "interpolated", self.interpolated)
 
 
 def _check_search(rule: Any) -> None:
     name = type(rule).__name__
-    if rule.radius is not None and not rule.radius > 0:
-        raise InputError(f"{name}: radius is {rule.radius}; give a positive length, or None.")
-    if not rule.end_tolerance >= 0:
-        raise InputError(f"{name}: end_tolerance is {rule.end_tolerance}; give a number ≥ 0.")
+    if rule.radius is not None:
+        number(name, "radius", rule.radius, "a positive length, or None", lambda r: r > 0)
+    number(
+        name,
+        "end_tolerance",
+        rule.end_tolerance,
+        "a finite number ≥ 0",
+        lambda part: 0 <= part < np.inf,
+    )
 
 
 # -- particles ------------------------------------------------------------------------------------
@@ -214,8 +223,7 @@ class Simpson(_Rule):
     n: int = 1
 
     def __post_init__(self) -> None:
-        if not isinstance(self.n, int) or not 0 <= self.n <= 6:
-            raise InputError(f"Simpson: n is {self.n!r}; give an integer from 0 to 6.")
+        object.__setattr__(self, "n", whole("Simpson", "n", self.n, 0, 6))
 
     def rule(self, shape: str, psi: Any) -> Any:
         return _cpp.simpson(getattr(_cpp.Shape, shape), self.n)
@@ -235,8 +243,7 @@ class Gauss(_Rule):
     degree: int
 
     def __post_init__(self) -> None:
-        if not isinstance(self.degree, int) or not 1 <= self.degree <= 20:
-            raise InputError(f"Gauss: degree is {self.degree!r}; give an integer from 1 to 20.")
+        object.__setattr__(self, "degree", whole("Gauss", "degree", self.degree, 1, 20))
 
     def rule(self, shape: str, psi: Any) -> Any:
         return _cpp.ParticleRule(*compat.quadrature(shape, self.degree))
@@ -256,8 +263,7 @@ class Lobatto(_Rule):
     points: int
 
     def __post_init__(self) -> None:
-        if not isinstance(self.points, int) or not 2 <= self.points <= 10:
-            raise InputError(f"Lobatto: points is {self.points!r}; give an integer from 2 to 10.")
+        object.__setattr__(self, "points", whole("Lobatto", "points", self.points, 2, 10))
 
     def rule(self, shape: str, psi: Any) -> Any:
         if shape == "triangle":
@@ -327,9 +333,8 @@ class Segments(_Rule):
     refined = True
 
     def __post_init__(self) -> None:
-        d = self.degree
-        if d is not None and (not isinstance(d, int) or not 1 <= d <= 20):
-            raise InputError(f"Segments: degree is {d!r}; give an integer from 1 to 20, or None.")
+        if self.degree is not None:
+            object.__setattr__(self, "degree", whole("Segments", "degree", self.degree, 1, 20))
 
     def fitted(
         self, shapes: Sequence[str], displacement: int, multiplier: int, axisymmetric: bool

@@ -182,8 +182,10 @@ def gather_pressure(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None
         (pieces, corners) [force/reference area]; corners in Basix's order
 
     Raises:
+        InputError: pair is no ContactPair
         ContactError: the pair has not been solved
     """
+    _check_pair(pair)
     gathered = gather_slave(pair, pair.pressure, pair._psi, parts)
     return None if gathered is None else (gathered[0], gathered[1][..., 0])
 
@@ -200,11 +202,18 @@ def gather_friction(pair: ContactPair, parts: int = 1) -> tuple[Any, Any] | None
         [force/reference area], both (pieces, corners, dim)
 
     Raises:
+        InputError: pair is no ContactPair
         ContactError: the pair has no friction, or has not been solved
     """
+    _check_pair(pair)
     if pair.friction is None:
         raise ContactError("This pair has no friction; make it with friction=μ.")
     return gather_slave(pair, pair.friction, pair._phi, parts)
+
+
+def _check_pair(pair: Any) -> None:
+    if not isinstance(pair, ContactPair):
+        raise InputError(f"plot: pair is a {type(pair).__name__}; give a ContactPair.")
 
 
 def gather_slave(

@@ -12,9 +12,11 @@ import numpy.typing as npt
 from tqdm import tqdm
 
 from .checkpoint import Checkpoint, write
+from .checks import agreed, file_name, number, switch
 from .errors import ConvergenceError, InputError, together
 from .history import History
 from .report import Report
+from .watch import postponed, stage
 
 log = logging.getLogger("dolfinx_contact")
 _EASY = 6  # a step of so many iterations went well
@@ -71,6 +73,8 @@ class LoadStepping:
         InputError: steps that are not 0 < min_step ≤ step ≤ max_step, an end that is not positive
         ConvergenceError: while iterating, on all ranks, if a step would be shorter than min_step;
             the last accepted step is in place, and its loads
+        KeyboardInterrupt: while iterating, on all ranks, after Ctrl-C on any of them; likewise. What
+            ``apply`` raises on one rank ends the iteration on all ranks, too
 
     Attributes:
         time: t of the last accepted step
@@ -87,14 +91,16 @@ class LoadStepping:
         max_step: float | None = None,
         progress: bool = True,
     ):
-        max_step = step if max_step is None else max_step
-        if not 0 < min_step <= step <= max_step:
+        if not all(hasattr(problem, name) for name in ("comm", "solve", "state", "set_state")):
             raise InputError(
-                f"LoadStepping: min_step is {min_step}, step {step} and max_step {max_step}; give"
-                " 0 < min_step ≤ step ≤ max_step."
+                f"LoadStepping: problem is a {type(problem).__name__}; give a ContactProblem."
             )
-        if not end > 0:
-            raise InputError(f"LoadStepping: end is {end}; give a positive number.")
+        max_step = step if max_step is None else max_step
+        with together(problem.comm, "LoadStepping"):
+            self._check(apply, end, step, min_step, max_step, progress)
+        agreed(
+            problem.comm, "LoadStepping", end=end, step=step, min_step=min_step, max_step=max_step
+        )
         self.problem, self._apply, self.end = problem, apply, float(end)
         self._next, self._min, self._max = float(step), float(min_step), float(max_step)
         self._progress, self._shortest = progress, float("inf")
@@ -104,11 +110,31 @@ class LoadStepping:
         self._ease = 0  # how well the last steps went
         self._history: History | None = None  # for ``save`` and ``load``
 
+    @staticmethod
+    def _check(
+        apply: Any, end: Any, step: Any, min_step: Any, max_step: Any, progress: Any
+    ) -> None:
+        """What this rank can see alone."""
+        if not callable(apply):
+            raise InputError(
+                f"LoadStepping: apply is {apply!r}; give a function of t that sets the loads."
+            )
+        sizes = {"end": end, "step": step, "min_step": min_step, "max_step": max_step}
+        for name, value in sizes.items():
+            number("LoadStepping", name, value, "a positive, finite number", _positive)
+        switch("LoadStepping", "progress", progress)
+        if not min_step <= step <= max_step:
+            raise InputError(
+                f"LoadStepping: min_step is {min_step}, step {step} and max_step {max_step}; give"
+                " 0 < min_step ≤ step ≤ max_step."
+            )
+
     def __iter__(self) -> Iterator[Step]:
         hidden = not self._progress or self.problem.comm.rank > 0
         with tqdm(total=self.end, disable=hidden, bar_format=_BAR, initial=self.time) as bar:
             while self.end - self.time > 1e-12 * self.end:
-                step = self._advance()
+                with postponed(self.problem.comm, "load step"):
+                    step = self._advance()
                 self._ease += 2 if step.report.iterations <= _EASY else 1
                 if step.failed:
                     self._ease = 0
@@ -129,7 +155,7 @@ class LoadStepping:
             length = left if self._next > left * (1 - 1e-9) else self._next
             target = self.end if length == left else self.time + length
             accepted = self.problem.state()
-            self._apply(target)
+            self._set_loads(target, accepted)
             if self._before is not None:
                 before, last = self._before
                 self.problem.extrapolate(before, accepted, length / last)
@@ -157,6 +183,15 @@ class LoadStepping:
             self.steps.append(step)
             return step
 
+    def _set_loads(self, t: float, accepted: list[Any]) -> None:
+        """Call ``apply``; where that fails on a rank it fails on all, with the last accepted state."""
+        try:
+            with stage("load step"), together(self.problem.comm, "apply"):
+                self._apply(t)
+        except BaseException:
+            self.problem.set_state(accepted)
+            raise
+
     def _put_back(self, accepted: list[Any]) -> None:
         """Displacements and loads of the last accepted step."""
         self.problem.set_state(accepted)
@@ -180,7 +215,7 @@ class LoadStepping:
             ContactError: on all ranks, if the file cannot be written; the former one is as it was
         """
         with together(self.problem.comm, "LoadStepping.save"):
-            mine = {}
+            mine, path = {}, file_name("LoadStepping.save", path)
             if self.problem.comm.rank == 0:
                 mine = {name: _numbers(name, value) for name, value in arrays.items()}
         history = self._problem_history()
@@ -195,7 +230,8 @@ class LoadStepping:
             "steps": [asdict(step) for step in self.steps],
             **history.figures(before),
         }
-        write(self.problem.comm, path, figures, tables, mine)
+        with postponed(self.problem.comm, "LoadStepping.save"), stage("LoadStepping.save"):
+            write(self.problem.comm, path, figures, tables, mine)
 
     def load(self, path: Any) -> dict[str, npt.NDArray[Any]]:
         """Go on from a checkpoint, on any number of ranks. Collective.
@@ -215,7 +251,7 @@ class LoadStepping:
                 model or kind of pair; the problem is as it was
         """
         history = self._problem_history()
-        with Checkpoint(self.problem.comm, path) as file:
+        with stage("LoadStepping.load"), Checkpoint(self.problem.comm, path) as file:
             figures = file.figures
             history.compare(path, figures["kinds"])
             columns = history.read(file)
@@ -235,9 +271,16 @@ class LoadStepping:
         return self._history
 
 
+def _positive(value: float) -> bool:
+    return 0 < value < np.inf
+
+
 def _numbers(name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
     """A user's array for a checkpoint."""
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
     if array.dtype.kind not in "biufc":
         raise InputError(
             f"LoadStepping.save: {name} is of type {array.dtype}; give numbers, or arrays of them."

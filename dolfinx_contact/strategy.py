@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Callable
 
+from .checks import number, whole
 from .errors import UnheldError
 from .newton import NewtonLoop
 from .report import Report
@@ -21,12 +22,18 @@ class Newton:
     at rest that touch), or when Newton's step is at round-off.
 
     Args:
-        rtol: relative tolerance of the residual
+        rtol: relative tolerance of the residual, between 0 and 1
         max_it: largest number of iterations
+
+    Raises:
+        InputError: other numbers
     """
 
     rtol: float = 1e-10
     max_it: int = 30
+
+    def __post_init__(self) -> None:
+        _check("Newton", self)
 
     def solve(self, system: System, options: dict[str, Any]) -> Report:
         """Solve from the Functions' present values. Collective.
@@ -101,6 +108,9 @@ class FixedPoint:
         rtol: relative tolerance of the residual, as in Newton
         max_it: largest number of Newton iterations in the innermost loop
         max_loops: largest number of turns of each other loop
+
+    Raises:
+        InputError: other numbers
     """
 
     rtol: float = 1e-10
@@ -108,6 +118,10 @@ class FixedPoint:
     max_loops: int = 40
 
     _order = ("geometry", "threshold", "status")
+
+    def __post_init__(self) -> None:
+        _check("FixedPoint", self)
+        self.max_loops = whole("FixedPoint", "max_loops", self.max_loops, 1)
 
     def solve(self, system: System, options: dict[str, Any]) -> Report:
         """Solve from the Functions' present values. Collective.
@@ -179,6 +193,13 @@ class FixedPoint:
                 return True
         report.reason = f"{self._order[level]} not settled after {self.max_loops} loops"
         return False
+
+
+def _check(who: str, strategy: Newton | FixedPoint) -> None:
+    strategy.rtol = number(
+        who, "rtol", strategy.rtol, "a number between 0 and 1", lambda rtol: 0 < rtol < 1
+    )
+    strategy.max_it = whole(who, "max_it", strategy.max_it, 1)
 
 
 def _predict(system: System, run: Callable[[], bool], glued: Callable[[], bool]) -> bool:

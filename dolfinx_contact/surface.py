@@ -21,6 +21,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from . import compat
+from .checks import agreed
 from .errors import ContactError, InputError, together
 
 _FACET_SHAPES = {
@@ -81,6 +82,7 @@ class Surface:
         with together(self.comm, "Surface"):
             degree = _check_displacement(u)
             self.tags = check_tags(facet_tags, tags, mesh)
+        agreed(self.comm, "Surface", tags=self.tags)
         check_available(self.comm, facet_tags, self.tags)
 
         exterior = compat.exterior_facets(mesh)
@@ -92,6 +94,7 @@ class Surface:
                 " one exterior facet on the rank that owns its cell."
             )
         with together(self.comm, "Surface"):
+            self._check_nodes()
             self._read(degree)
 
     # -- checks -----------------------------------------------------------------------------
@@ -115,6 +118,20 @@ class Surface:
             )
         self.facets, self.cells = facets[own], cells[own]
         self.local_facets = compat.local_facet_indices(mesh, self.cells, self.facets)
+
+    def _check_nodes(self) -> None:
+        """Refuse meshes on which nothing can be computed, and facets without area."""
+        from .cells import check_cells, check_facets  # which need this module
+
+        mesh = self._bulk
+        check_cells(mesh)
+        closure = facet_closure(mesh.topology.cell_name(), compat.coordinate_degree(mesh))
+        nodes = compat.cell_geometry_dofs(mesh)[self.cells]
+        x = np.asarray(mesh.geometry.x)[:, : mesh.geometry.dim]
+        size = np.linalg.norm(np.ptp(x[nodes], axis=1), axis=1)
+        X = x[np.take_along_axis(nodes, closure[self.local_facets], axis=1)]
+        shape = _FACET_SHAPES[mesh.topology.cell_name()]
+        check_facets(X, len(basix.geometry(_cell_type(shape))), size, self.tags)
 
     # -- arrays -----------------------------------------------------------------------------
 

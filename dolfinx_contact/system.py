@@ -9,7 +9,8 @@ are of one size, whatever the units of the user.
 
 from __future__ import annotations
 
-from typing import Any, Sequence
+from contextlib import contextmanager
+from typing import Any, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from . import _cpp, compat, events
 from .bodies import Bodies
 from .contact import PairAssembly
 from .driven import DrivenTools, driven_tools
-from .errors import InputError, together
+from .errors import ContactError, InputError, together
 from .layout import Layout
 from .pair import ContactPair
 from .parameters import Parameters
@@ -152,7 +153,7 @@ class System:
         """b = residual of (F1)–(F3) at x. Collective.
 
         Where x does not meet a Dirichlet value yet, the bulk is lifted as in DOLFINx and contact
-        sees the bodies with the value imposed.
+        sees the bodies with the value imposed. Where forces are not finite, all of b is nan.
 
         Args:
             close: apply the pairs' initial contact
@@ -162,9 +163,12 @@ class System:
         before = [u.x.array.copy() for u in self.u]
         lift = any(self._violates_bcs(u) for u in self.u)
         lift = self.comm.allreduce(lift, op=MPI.LOR)
-        self._force = 0.0
+        self._force, self._finite = 0.0, True
         with events.BULK_RESIDUAL:
             parts = [self._bulk_residual(row, lift) for row in range(len(self.u))]
+        if not self._finite:  # maybe in held rows alone, which would hide it
+            b.set(np.nan)
+            return
         if self._first_force < 0:
             self._first_force = self._force
         self.reference_force = max(self._first_force, self._force)
@@ -179,7 +183,7 @@ class System:
         self.changes = np.zeros(5, dtype=int)
         for pair, contact in zip(self.pairs, self.contacts):
             self.changes += contact.update(pair.initial_contact if close else -1.0)
-            with together(self.comm, "contact residual"):
+            with _assembled(b), together(self.comm, "contact residual"):
                 contact.assembler.residual(b.handle)
         self.driven.residual(b)
         b.assemble()
@@ -213,6 +217,7 @@ class System:
         values g: the first Newton step then takes the bulk there along its tangent."""
         forces = compat.assemble_vector_local(self._F[row])
         norm = np.sqrt(self.comm.allreduce(float(forces @ forces)))
+        self._finite &= bool(np.isfinite(norm))
         # reactions included: what residuals are compared to
         if np.isfinite(norm) and row in self._displacements:
             self._force = max(self._force, norm)
@@ -248,7 +253,7 @@ class System:
             self._add_bulk(A, self.bcs)
             A.assemble()  # contact adds to its arrays
             self._scale_bulk(A)
-        with together(self.comm, "contact tangent"):
+        with _assembled(A), together(self.comm, "contact tangent"):
             for contact in self.contacts:
                 contact.assembler.tangent(A.handle)
             for contact in self.contacts:
@@ -313,13 +318,20 @@ class System:
         Args:
             friction: False: solve without it first, then ``go_on``
         """
-        self.driven.check(self.pairs)
+        self.driven.check(self.pairs, self.comm)
         self.reference_force, self._first_force = 0.0, -1.0
         for contact in self.contacts:
             contact.begin_step()
         before = [u.x.array.copy() for u in self.u]
         for u in self.u:
             compat.set_bc(u, self.bcs)
+        with together(self.comm, "solve"):
+            for u in self.u:
+                if not np.isfinite(u.x.array).all():
+                    raise ContactError(
+                        f"the unknown {u.name} is not finite (nan or inf) as the step begins; give u"
+                        " and the Dirichlet conditions finite values before solve()"
+                    )
         for contact in self.contacts:
             contact.update()
         self.driven.begin(self.contacts)
@@ -457,6 +469,17 @@ class System:
         self.round_off = 10 * np.finfo(float).eps * float(np.prod(sizes))
         self.driven.stiffness = float(sizes[0])
         self.parameters.measure(diagonal)
+
+
+@contextmanager
+def _assembled(thing: Any) -> Iterator[None]:
+    """After an error of all ranks no entries wait on any of them: PETSc would add them to the next
+    vector, and refuse the next matrix. Collective then."""
+    try:
+        yield
+    except BaseException:
+        thing.assemble()
+        raise
 
 
 def _add_diagonal(A: Any, rows: npt.NDArray[Any], value: float) -> None:

@@ -12,6 +12,7 @@ from typing import Any, Sequence
 import numpy as np
 from mpi4py import MPI
 
+from .checks import agreed, file_name
 from .errors import ContactError, InputError, together
 from .hdf5 import write_text
 from .xdmf import last_time
@@ -45,9 +46,18 @@ class Table:
         resume: float | None = None,
         comm: MPI.Comm | None = None,
     ):
-        self._file, self._comm = Path(file), MPI.COMM_WORLD if comm is None else comm
-        self._columns = None if columns is None else list(columns)
+        self._comm = MPI.COMM_WORLD if comm is None else comm
         self._header: list[str] | None = None
+        with together(self._comm, "Table"):
+            self._file = file_name("Table", file)
+            listed = columns is None or isinstance(columns, (list, tuple))
+            if not listed or not all(isinstance(name, str) for name in columns or ()):
+                raise InputError(
+                    f"Table: columns is {columns!r}; give a list of names, or None for those of the"
+                    " first row."
+                )
+        self._columns = None if columns is None else list(columns)
+        agreed(self._comm, "Table", columns=self._columns, resume=resume)
         with together(self._comm, "Table"):
             if self._comm.rank == 0:
                 try:
@@ -62,7 +72,7 @@ class Table:
         """What stays of the file: the header, and rows whose first column is not above last."""
         if not self._file.exists():
             return ""
-        lines = self._file.read_text(encoding="utf-8").splitlines(keepends=True)
+        lines = self._file.read_text("utf-8", errors="replace").splitlines(keepends=True)
         if lines and not lines[-1].endswith("\n"):
             lines.pop()  # the run was ended while it wrote this one
         rows = list(csv.reader(lines))
@@ -92,9 +102,14 @@ class Table:
         """
         with together(self._comm, "Table.write"):
             names = list(values) if self._columns is None else self._columns
+            if not values:
+                raise InputError(
+                    "Table: a row has no values; give one for each column, name=value."
+                )
             if set(names) != set(values):
                 raise InputError(
-                    f"Table: a row has {', '.join(values)}; the columns are {', '.join(names)}."
+                    f"Table: a row has {', '.join(values)}; the columns are {', '.join(names)}; give the"
+                    " same in each row."
                 )
             row = dict(cell for name in names for cell in _cells(name, values[name]))
             if self._header is None:
@@ -106,6 +121,7 @@ class Table:
                     f"Table: a row has the columns {', '.join(row)}, but {self._file} has"
                     f" {', '.join(self._header)}; give the same in each row."
                 )
+        agreed(self._comm, "Table.write", columns=list(row))
         with together(self._comm, "Table.write"):
             if self._comm.rank == 0:
                 self._append(lines)
@@ -129,7 +145,7 @@ class Table:
     def _unwritable(self, error: OSError) -> ContactError:
         return ContactError(
             f"Table: {self._file} cannot be written: {error}. Is there space left, and may you write"
-            " there?"
+            " there? Make space, or give another file."
         )
 
 

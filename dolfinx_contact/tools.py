@@ -8,6 +8,7 @@ from typing import Any, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from .checks import number, numbers, switch
 from .errors import InputError
 
 
@@ -145,8 +146,10 @@ class RigidTool:
             ContactError: the problem has not been solved yet
         """
         point = self.translation if about is None else numbers(about)
-        if np.shape(point) != (self.dim,):
-            raise InputError(f"moment: about is {about!r}; give a point of {self.dim} numbers.")
+        if np.shape(point) != (self.dim,) or not np.all(np.isfinite(point)):
+            raise InputError(
+                f"moment: about is {about!r}; give a point of {self.dim} numbers, finite ones."
+            )
         total = self._resultant()
         return total[self.dim :] - _cross(point[None], total[None, : self.dim])[0]
 
@@ -167,6 +170,10 @@ class RigidTool:
         return self._pairs[0][0].comm.allreduce(total)
 
     # -- for the assembler ----------------------------------------------------------------------
+
+    def _given(self) -> dict[str, Any]:
+        """What the ranks have to agree on."""
+        return {k: v for k, v in vars(self).items() if not k.startswith("_")}
 
     def _parts(self) -> list[tuple[Any, npt.NDArray[np.float64]]]:
         """Its pieces, each with its place (R, c) in the tool's frame."""
@@ -190,14 +197,6 @@ def compose(outer: npt.NDArray[Any], inner: npt.NDArray[Any]) -> npt.NDArray[np.
     return np.column_stack([R @ inner[:, :-1], R @ inner[:, -1] + outer[:, -1]])
 
 
-def numbers(value: Any) -> npt.NDArray[np.float64]:
-    """An array of floats; a nan, which fits nowhere, if it is none."""
-    try:
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        return np.array(np.nan)
-
-
 def _vectors(what: str, given: dict[str, Any], dims: tuple[int, ...]) -> list[Any]:
     """Vectors of one size, finite; those called normal or axis are returned with length 1."""
     out = [numbers(v) for v in given.values()]
@@ -216,10 +215,9 @@ def _vectors(what: str, given: dict[str, Any], dims: tuple[int, ...]) -> list[An
     return out
 
 
-def _positive(what: str, **given: float) -> None:
+def _positive(what: str, **given: Any) -> None:
     for name, value in given.items():
-        if np.ndim(value) != 0 or not 0 < numbers(value) < np.inf:
-            raise InputError(f"{what}: {name} is {value!r}; give a positive length.")
+        number(what, name, value, "a positive length", lambda length: 0 < length < np.inf)
 
 
 class RigidPlane(RigidTool):
@@ -273,7 +271,7 @@ class RigidSphere(RigidTool):
         (self.center,) = _vectors("RigidSphere", {"center": center}, (2, 3))
         _positive("RigidSphere", radius=radius)
         super().__init__(len(self.center))
-        self.radius, self.inside = float(radius), bool(inside)
+        self.radius, self.inside = float(radius), switch("RigidSphere", "inside", inside)
 
     def _add(self, tool: Any, search: dict[str, Any]) -> None:
         tool.add_sphere(self.center, self.radius, self.inside)
@@ -306,7 +304,7 @@ class RigidCylinder(RigidTool):
         self.point, self.axis = _vectors("RigidCylinder", {"point": point, "axis": axis}, (3,))
         _positive("RigidCylinder", radius=radius, length=1.0 if length is None else length)
         super().__init__(3)
-        self.radius, self.inside = float(radius), bool(inside)
+        self.radius, self.inside = float(radius), switch("RigidCylinder", "inside", inside)
         self.length = np.inf if length is None else float(length)
 
     def _add(self, tool: Any, search: dict[str, Any]) -> None:
@@ -339,7 +337,8 @@ class RigidTorus(RigidTool):
         self.center, self.axis = _vectors("RigidTorus", {"center": center, "axis": axis}, (3,))
         _positive("RigidTorus", ring=ring, radius=radius)
         super().__init__(3)
-        self.ring, self.radius, self.inside = float(ring), float(radius), bool(inside)
+        self.ring, self.radius = float(ring), float(radius)
+        self.inside = switch("RigidTorus", "inside", inside)
 
     def _add(self, tool: Any, search: dict[str, Any]) -> None:
         tool.add_torus(self.center, self.axis, self.ring, self.radius, self.inside)
@@ -368,8 +367,9 @@ class RigidComposite(RigidTool):
             )
         if len({t.dim for t in tools}) > 1 or any(t.driven for t in tools):
             raise InputError(
-                "RigidComposite: give tools of one dimension, and drive the composite by a force"
-                " rather than one of them."
+                f"RigidComposite: tools of dimension {[t.dim for t in tools]}, of which"
+                f" {sum(t.driven for t in tools)} are driven by a force; give tools of one dimension,"
+                " and drive the composite rather than one of them."
             )
         super().__init__(tools[0].dim)
         self.tools = list(tools)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-from numbers import Real
 from pathlib import Path
 from typing import Any, Sequence
 from xml.etree import ElementTree
@@ -12,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
+from .checks import is_number
 from .errors import ContactError, InputError
 from .hdf5 import NewFile, reason, write_text
 
@@ -63,7 +63,7 @@ def vtk_order(shape: str, points: npt.NDArray[np.float64]) -> npt.NDArray[np.int
 
 def last_time(who: str, resume: Any) -> float:
     """The last time that stays when files are resumed: a sum of steps has round-off."""
-    if not (isinstance(resume, Real) and np.isfinite(resume)):
+    if not is_number(resume) or not np.isfinite(resume):
         raise InputError(f"{who}: resume is {resume!r}; give the time to go on from, or None.")
     return float(resume) + 1e-12 * abs(float(resume))
 

@@ -538,28 +538,34 @@ def other_scene(kind: str) -> tuple[Scene, tuple[str, ...]]:
     """A scene that the checkpoint of ``ironed`` does not fit."""
     if kind == "facets":
         model = punch(COMM, striped, counts=(13, 9))
-        return Scene(model.problem(model.pair(friction=0.3)), None, None, {}), ("u[0]", "nodes")
+        return Scene(model.problem(model.pair(friction=0.3)), lambda t: None, None, {}), (
+            "u[0]",
+            "nodes",
+        )
     if kind == "places":  # as many nodes at other places
         model = punch(COMM, striped, counts=(12, 9), shift=0.02)
-        return Scene(model.problem(model.pair(friction=0.3)), None, None, {}), (
+        return Scene(model.problem(model.pair(friction=0.3)), lambda t: None, None, {}), (
             "u[0] (displacement)",
             "are not in the file",
         )
     model = punch(COMM, striped, counts=(12, 9))
     if kind == "friction":
-        return Scene(model.problem(model.pair()), None, None, {}), ("pairs[0]", "no friction")
+        return Scene(model.problem(model.pair()), lambda t: None, None, {}), (
+            "pairs[0]",
+            "no friction",
+        )
     if kind == "rule":
         pair = model.pair(friction=0.3, integration=dc.Simpson(2))
-        return Scene(model.problem(pair), None, None, {}), ("pairs[0]", "Simpson(n=2)")
+        return Scene(model.problem(pair), lambda t: None, None, {}), ("pairs[0]", "Simpson(n=2)")
     if kind == "pressure":
         pair = model.pair(friction=0.3, pressure_space=("DG", 0), friction_space=("Lagrange", 1))
-        return Scene(model.problem(pair), None, None, {}), ("pairs[0]", "DG")
+        return Scene(model.problem(pair), lambda t: None, None, {}), ("pairs[0]", "DG")
     if kind == "no pair":
         problem = dc.ContactProblem(model.F, model.u, [], bcs=model.bcs)
-        return Scene(problem, None, None, {}), ("pairs[0]", "the problem none")
+        return Scene(problem, lambda t: None, None, {}), ("pairs[0]", "the problem none")
     tool = dc.RigidPlane((0.0, 0.0), (0.0, 1.0))
     pair = dc.ContactPair(model.surface(SLAVE), tool, friction=0.3)
-    return Scene(model.problem(pair), None, None, {}), ("pairs[0]", "RigidPlane")
+    return Scene(model.problem(pair), lambda t: None, None, {}), ("pairs[0]", "RigidPlane")
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@
 #include "../assembly/pattern.h"
 #include "../integration/particle_rule.h"
 #include "../parallel/exchange.h"
+#include "../parallel/watchdog.h"
 #include "../targets/kinematics.h"
 #include "arrays.h"
 #include "assembler.h"
@@ -218,6 +219,7 @@ PYBIND11_MODULE(_cpp, m)
   declare_matrices(m);
   // The first one registers all, under PETSc's class "dolfinx_contact".
   m.def("register_log_events", [] { log_event(Event::search); });
+  m.def("watch", &watch, py::arg("seconds"), py::arg("text"), py::arg("signal"), py::arg("grace"));
   declare_tools(m);
   declare_assemblers(m);
   declare_material(m);
