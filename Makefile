@@ -4,7 +4,7 @@
 PY := /usr/bin/python3
 BUILD := build
 CMAKE_FLAGS ?=
-TIMEOUT ?= 1500
+TIMEOUT ?= 2400
 TESTS ?= tests
 
 SUDO := $(if $(filter-out 0,$(shell id -u)),sudo)

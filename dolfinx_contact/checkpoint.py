@@ -29,7 +29,7 @@ from .hdf5 import NewFile, checksum
 __all__ = ["arrays"]
 
 Array = npt.NDArray[Any]
-_FORMAT = "dolfinx_contact checkpoint 2"
+_FORMAT = "dolfinx_contact checkpoint 3"
 _BLOCK = 2**16  # rows that are read at once
 _NEAR = 1e-6  # places are the same within this part of the smallest cell's size
 _COINCIDE = (

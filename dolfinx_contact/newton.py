@@ -127,7 +127,7 @@ class NewtonLoop:
                 if database.hasName(key):
                     database.delValue(key)
         report.reference = system.reference_force
-        report.time["total"] += time.perf_counter() - start
+        report.took("total", time.perf_counter() - start)
         return report.converged
 
     def _residual(self, snes: Any, x: Any, b: Any) -> None:
@@ -144,7 +144,7 @@ class NewtonLoop:
         start = time.perf_counter()
         self.system.residual(x, b, close=self._close and self._first)
         self._first = False
-        self.report.time["residual"] += time.perf_counter() - start
+        self.report.took("residual", time.perf_counter() - start)
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
         start = time.perf_counter()
@@ -152,7 +152,7 @@ class NewtonLoop:
         if self._first_matrix:
             self.system.check_held()
         self._first_matrix = False
-        self.report.time["jacobian"] += time.perf_counter() - start
+        self.report.took("jacobian", time.perf_counter() - start)
 
     def _shorten(self, x: Any, step: Any) -> None:
         """Shorten a step that ends where the residual is not finite (inverted cells), or where
@@ -197,7 +197,7 @@ class NewtonLoop:
         bulk, contact = system.norms(snes.getFunction()[0])
         report.add(bulk, contact, system.changes)
         if it > 0:
-            report.linear_iterations.append(snes.getKSP().getIterationNumber())
+            report.linear.append(snes.getKSP().getIterationNumber())
         log.info(
             "iteration %d: bulk %.3e, contact %.3e; %s",
             *(it, bulk, contact, told(system.changes)),

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Sequence
+from array import array
+from dataclasses import dataclass
+from typing import Any, Sequence
 
 import numpy as np
 
@@ -18,42 +19,86 @@ def told(changes: Sequence[int]) -> str:
     return ", ".join(words) or "no change of status"
 
 
+STAGES = ("total", "residual", "jacobian")
+
+
 @dataclass(slots=True)
 class Report:
-    """Record of one solve.
+    """Record of one solve. LoadStepping keeps one a step: numbers are packed.
 
     Attributes:
         converged: whether the tolerance was met
         reason: name of PETSc's SNES reason
         iterations: number of linear solves
-        linear_iterations: iterations of KSP in each of them, 1 for a direct solver
-        residuals: norm of the residual before each linear solve and at the end, per block: "bulk"
-            and "contact" [force]
         reference: force that residuals are compared to [force]
-        opened, closed, began_to_slip, began_to_stick: numbers of particles, at each of these
-        reversals: particles that slip on in another direction, likewise
-        time: seconds for the whole solve, residuals, Jacobians
+        lines: before each linear solve and at the end, two norms of the residual and five numbers of
+            particles, see ``add``; flat
+        linear: iterations of KSP in each linear solve
+        seconds: for the whole solve, residuals, Jacobians
     """
 
     converged: bool = False
     reason: str = ""
     iterations: int = 0
-    linear_iterations: list[int] = field(default_factory=list)
-    residuals: dict[str, list[float]] = field(default_factory=lambda: {"bulk": [], "contact": []})
     reference: float = 0.0
-    opened: list[int] = field(default_factory=list)
-    closed: list[int] = field(default_factory=list)
-    began_to_slip: list[int] = field(default_factory=list)
-    began_to_stick: list[int] = field(default_factory=list)
-    reversals: list[int] = field(default_factory=list)
-    time: dict[str, float] = field(
-        default_factory=lambda: dict.fromkeys(("total", "residual", "jacobian"), 0.0)
-    )
+    lines: Any = ()
+    linear: Any = ()
+    seconds: Any = (0.0,) * len(STAGES)
+
+    def __post_init__(self) -> None:
+        self.lines = array("d", self.lines)
+        self.linear = array("i", self.linear)
+        self.seconds = array("d", self.seconds)
+
+    def _changes(self, name: str) -> list[int]:
+        return [int(n) for n in self.lines[2 + CHANGES.index(name) :: 2 + len(CHANGES)]]
+
+    @property
+    def residuals(self) -> dict[str, list[float]]:
+        """Norm of the residual before each linear solve and at the end, per block: "bulk" and
+        "contact" [force]."""
+        width = 2 + len(CHANGES)
+        return {"bulk": self.lines[::width].tolist(), "contact": self.lines[1::width].tolist()}
+
+    @property
+    def linear_iterations(self) -> list[int]:
+        """Iterations of KSP in each linear solve, 1 for a direct solver."""
+        return self.linear.tolist()
+
+    @property
+    def time(self) -> dict[str, float]:
+        """Seconds for the whole solve ("total"), residuals ("residual"), Jacobians ("jacobian")."""
+        return dict(zip(STAGES, self.seconds))
+
+    @property
+    def opened(self) -> list[int]:
+        """Particles that opened, before each linear solve and at the end."""
+        return self._changes("opened")
+
+    @property
+    def closed(self) -> list[int]:
+        """Particles that closed, likewise."""
+        return self._changes("closed")
+
+    @property
+    def began_to_slip(self) -> list[int]:
+        """Particles that began to slip, likewise."""
+        return self._changes("began_to_slip")
+
+    @property
+    def began_to_stick(self) -> list[int]:
+        """Particles that began to stick, likewise."""
+        return self._changes("began_to_stick")
+
+    @property
+    def reversals(self) -> list[int]:
+        """Particles that slip on in another direction, likewise."""
+        return self._changes("reversals")
 
     @property
     def norms(self) -> list[float]:
         """Norm of the whole residual before each linear solve and at the end [force]."""
-        return list(np.hypot(self.residuals["bulk"], self.residuals["contact"]))
+        return list(np.hypot(*self.residuals.values()))
 
     @property
     def status_changes(self) -> list[int]:
@@ -73,10 +118,11 @@ class Report:
             changes: numbers of particles that opened, closed, began to slip, began to stick, and
                 slipped on in another direction, (5,)
         """
-        self.residuals["bulk"].append(bulk)
-        self.residuals["contact"].append(contact)
-        for name, n in zip(CHANGES, changes):
-            getattr(self, name).append(int(n))
+        self.lines.extend((bulk, contact, *changes))
+
+    def took(self, stage: str, seconds: float) -> None:
+        """Add to the time of "total", "residual" or "jacobian" [s]."""
+        self.seconds[STAGES.index(stage)] += seconds
 
     def __str__(self) -> str:
         lines = [
@@ -85,9 +131,8 @@ class Report:
             f" {self.time['total']:.2f} s",
             " it  bulk       contact    opened  closed  to slip  to stick  reversals",
         ]
-        columns = (self.residuals["bulk"], self.residuals["contact"])
         counts = [getattr(self, name) for name in CHANGES]
-        for i, (bulk, contact, *changes) in enumerate(zip(*columns, *counts)):
+        for i, (bulk, contact, *changes) in enumerate(zip(*self.residuals.values(), *counts)):
             words = "{:7d} {:7d}  {:7d}  {:8d}  {:9d}".format(*changes)
             lines.append(f"{i:3d}  {bulk:.3e}  {contact:.3e}{words}")
         return "\n".join(lines)
