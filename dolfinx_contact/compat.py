@@ -7,7 +7,8 @@ interface in all versions. ``cells`` always counts owned cells first, then ghost
 
 from __future__ import annotations
 
-from typing import Any, Sequence
+from contextlib import contextmanager
+from typing import Any, Iterator, Sequence
 
 import basix
 import numpy as np
@@ -17,6 +18,7 @@ from dolfinx import cpp as _cpp
 from dolfinx import fem, graph, io, la
 from dolfinx import mesh as _mesh
 from mpi4py import MPI
+from petsc4py import PETSc
 
 # The interface of 0.5 (pybind11, ufl elements, VectorFunctionSpace) or that of 0.8 and later
 # (nanobind, basix.ufl elements, functionspace). Versions between the two are not supported.
@@ -494,6 +496,23 @@ def set_bc(u: fem.Function, bcs: Sequence[Any]) -> None:
     """
     set_bc_array(u.x.array, [bc for bc in bcs if contains(u.function_space, bc)])
     u.x.scatter_forward()
+
+
+# -- PETSc ------------------------------------------------------------------------------------
+
+
+@contextmanager
+def errors_of_callbacks() -> Iterator[None]:
+    """What Python raises in PETSc's callbacks comes out as it is; petsc4py 3.22 and later wrap it."""
+    raised = None
+    try:
+        yield
+    except PETSc.Error as error:
+        raised, error.__cause__ = error.__cause__, None
+        if raised is None:
+            raise
+    if raised is not None:
+        raise raised
 
 
 # -- helpers ----------------------------------------------------------------------------------

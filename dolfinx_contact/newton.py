@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from .compat import errors_of_callbacks
 from .errors import ContactError, InputError
 from .report import Report, told
 from .solvers import SaddlePoint, direct
@@ -57,10 +58,10 @@ class NewtonLoop:
         self._known: tuple[Any, Any] | None = None  # a trial x and its residual
         self._keys: list[str] = []  # of PETSc's options that are ours
 
-    def _set(self, snes: Any) -> None:
+    def _set(self, snes: Any, b: Any) -> None:
         """Our defaults, the problem's options, then the command line's. Collective."""
         system = self.system
-        snes.setFunction(self._residual, system.b)
+        snes.setFunction(self._residual, b)
         snes.setTolerances(rtol=self._rtol, atol=0.0, stol=0.0, max_it=self._max_it)
         prefix = f"dolfinx_contact_{next(_solver_number)}_"
         database = PETSc.Options()
@@ -100,15 +101,20 @@ class NewtonLoop:
         self._start = len(report.status_changes)
         start = time.perf_counter()
         snes = PETSc.SNES().create(system.comm)
-        self._trial = system.x.duplicate(), system.x.duplicate()
+        # vectors of its own: PETSc leaves them locked where a callback raises
+        x, b, *self._trial = (system.x.duplicate() for _ in range(4))
+        system.x.copy(x)
         try:
-            self._set(snes)
+            self._set(snes, b)
             if not 0 <= snes.rtol < 1 or snes.max_it < 1:
                 raise InputError(
                     f"petsc_options: snes_rtol is {snes.rtol} and snes_max_it {snes.max_it}; give a"
                     " tolerance between 0 and 1, and at least one iteration."
                 )
-            snes.solve(None, system.x)
+            with errors_of_callbacks():
+                snes.solve(None, x)
+            x.copy(system.x)
+            b.copy(system.b)
             report.iterations += snes.getIterationNumber()
             reason = snes.getConvergedReason()
             report.converged = reason > 0
@@ -120,7 +126,7 @@ class NewtonLoop:
             raise _explained(error, self._options) from error
         finally:
             # PETSc 3.18 keeps what Python merely lets go of
-            for thing in (snes, *self._trial):
+            for thing in (snes, x, b, *self._trial):
                 thing.destroy()
             database = PETSc.Options()
             for key in self._keys:

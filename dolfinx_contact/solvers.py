@@ -51,6 +51,8 @@ def direct(**options: Any) -> dict[str, Any]:
         "ksp_type": "preonly",
         "pc_type": "lu",
         "pc_factor_mat_solver_type": "mumps",
+        # Multipliers delay pivots: MUMPS's own 20 % of room to spare may be too little (error -9).
+        "mat_mumps_icntl_14": 50,
         **options,
     }
 

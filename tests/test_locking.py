@@ -75,8 +75,9 @@ def test_reduced_integration_has_a_mode_without_energy():
         bcs = locking.held(u, tags, [(0, locking.AXIS), rim])
         A = fem.petsc.assemble_matrix(fem.form(law.J), bcs=bcs)
         A.assemble()
-        dense = A.convert("dense").getDenseArray()
-        energies = np.linalg.eigvalsh(0.5 * (dense + dense.T))
+        dense = A.convert("dense")
+        values = dense.getDenseArray()
+        energies = np.linalg.eigvalsh(0.5 * (values + values.T))
         assert np.sum(energies < 1e-12 * energies[-1]) == modes
 
 
@@ -123,7 +124,8 @@ def test_jacobian(recipe, kind):
                 tangent = law.tangent(f, v)
                 A = fem.petsc.assemble_matrix(fem.form(a if tangent is None else a + tangent))
                 A.assemble()
-                row.append(A.convert("dense").getDenseArray().copy())
+                dense = A.convert("dense")  # the array lives as long as it
+                row.append(dense.getDenseArray().copy())
             rows.append(row)
         return np.block(rows)
 

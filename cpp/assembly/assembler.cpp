@@ -200,7 +200,7 @@ Changes Assembler<D>::update(const Unknowns& u, double close, bool again)
   if (_particles.refined)
   {
     _lambda.assign(u.lambda.begin(), u.lambda.end());
-    _Lambda.assign(u.Lambda.begin(), u.Lambda.end());
+    _semi_multiplier.assign(u.Lambda.begin(), u.Lambda.end());
     if (not _frozen.geometry and not again)
       refine();
   }

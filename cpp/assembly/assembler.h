@@ -416,8 +416,9 @@ private:
   NodalNormals<D> _old_normals;             // of the master at the last accepted step, for slips
   NodalNormals<D> _first_normals;           // of the slave as the step began
   Cloud _now, _accepted, _marked;
-  mutable BlockAdder _adder;            // keeps the places of the blocks
-  std::vector<double> _lambda, _Lambda; // multipliers of the last update, if the particles move
+  mutable BlockAdder _adder; // keeps the places of the blocks
+  std::vector<double> _lambda,
+      _semi_multiplier; // multipliers of the last update, if the particles move
   double _dissipated = 0;
   std::vector<std::int32_t> _near_offset,
       _near; // facets that share a vertex with each master facet

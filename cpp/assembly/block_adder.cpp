@@ -41,7 +41,7 @@ void BlockAdder::forget()
 
 void BlockAdder::open(Mat A)
 {
-  _A = A;
+  _matrix = A;
   PetscBool seq = PETSC_FALSE, mpi = PETSC_FALSE, assembled = PETSC_FALSE;
   check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(A), MATSEQAIJ, &seq), "open");
   check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(A), MATMPIAIJ, &mpi), "open");
@@ -77,11 +77,11 @@ void BlockAdder::open(Mat A)
 
 void BlockAdder::close()
 {
-  if (not _A)
+  if (not _matrix)
     return;
   for (Part& part : _parts)
     part.close();
-  _A = nullptr;
+  _matrix = nullptr;
 }
 
 // Position of a run's first column, from the beginning of the row.
@@ -230,7 +230,7 @@ void BlockAdder::add(const Name& name, std::span<const PetscInt> rows,
 void BlockAdder::add_once(std::span<const PetscInt> rows, std::span<const PetscInt> columns,
                           const double* values) const
 {
-  check(MatSetValues(_A, rows.size(), rows.data(), columns.size(), columns.data(), values,
+  check(MatSetValues(_matrix, rows.size(), rows.data(), columns.size(), columns.data(), values,
                      ADD_VALUES),
         "MatSetValues (contact tangent)");
 }

@@ -65,8 +65,8 @@ private:
   void fetch(const PetscInt* group, const PetscInt* run, PetscInt runs, PetscInt groups) const;
   PetscInt place(int part, PetscInt row, PetscInt column, PetscInt length) const;
 
-  Mat _A = nullptr;
-  bool _direct = false;            // _A has arrays to write to
+  Mat _matrix = nullptr;
+  bool _direct = false;            // _matrix has arrays to write to
   PetscObjectId _id = 0;           // of the matrix whose places are kept
   PetscObjectState _nonzeros = -1; // its pattern
   PetscInt _first = 0, _last = 0, _first_column = 0, _last_column = 0;

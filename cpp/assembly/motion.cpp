@@ -44,7 +44,7 @@ Rates<D> Assembler<D>::rates(const State& s, const Sample& along, int beta) cons
     for (int i = 0; i < Q; ++i)
     {
       const int dof = _friction.local[f * nf + a] * Q + i;
-      out.Lambda += along.phi[a] * _Lambda[dof] * _friction.tangent[dof];
+      out.Lambda += along.phi[a] * _semi_multiplier[dof] * _friction.tangent[dof];
     }
   if (turns_smoothly()) // e = −n̄ of the slave
     out.e = -InterpolatedNormal<D>(_slave_normals.at(_slave, f, s.xi.data())).dn.col(beta);
