@@ -16,9 +16,9 @@ COMM = MPI.COMM_WORLD
 CELLS = {"triangle": 2, "quadrilateral": 2, "tetrahedron": 3, "hexahedron": 3}
 
 
-def made(cell, degree=1, mapping=None):
+def made(cell, degree=1, mapping=None, partition=lambda x, ranks: np.arange(len(x)) % ranks):
     body = meshes.grid((3, 2, 2)[: CELLS[cell]], mapping=mapping, cell=cell, degree=degree)
-    return meshes.create(COMM, body, lambda x, ranks: np.arange(len(x)) % ranks)[0]
+    return meshes.create(COMM, body, partition)[0]
 
 
 def bent(x):
@@ -49,10 +49,17 @@ def test_sound_cells(cell, degree, mapping):
     assert COMM.allreduce(len(surface.facets)) > 0
 
 
+def folded(x):
+    """An inner plane of nodes goes beyond the next one: cells between them are turned over as a whole."""
+    y = x.copy()
+    y[np.isclose(x[:, 0], 1 / 3), 0] = 0.8
+    return y
+
+
+@pytest.mark.parametrize("degree", (1, 2))
 @pytest.mark.parametrize("cell", CELLS)
-def test_a_body_turned_inside_out_in_a_part(cell):
-    """One inner plane of nodes is moved beyond the next one."""
-    mesh = made(cell, mapping=lambda x: np.where(np.isclose(x, 1 / 3) & (x == x[:, :1]), 0.8, x))
+def test_a_body_folded_over(cell, degree):
+    mesh = made(cell, degree, folded, lambda x, ranks: np.full(len(x), ranks - 1))
     said = ""
     try:
         check_cells(mesh)
@@ -79,3 +86,19 @@ def test_an_edge_of_length_zero(cell):
     dc.Surface(u, tags, 6)
     with pytest.raises(dc.InputError, match="have no area"):
         dc.Surface(u, tags, 5)
+
+
+def test_nodes_that_are_moved_later():
+    """A mesh is looked at once, but again after its nodes have moved."""
+    mesh = made("quadrilateral", partition=lambda x, ranks: np.full(len(x), ranks - 1))
+    check_cells(mesh)
+    check_cells(mesh)
+    x = mesh.geometry.x
+    x[:, :2] = folded(x[:, :2])
+    if COMM.rank == COMM.size - 1:
+        with pytest.raises(dc.InputError, match="same side"):
+            check_cells(mesh)
+    x[:] = 0.0
+    if COMM.rank == COMM.size - 1:
+        with pytest.raises(dc.InputError, match="no volume"):
+            check_cells(mesh)
