@@ -22,7 +22,8 @@ _TINY = 1e-12  # a measure below this part of the cell's size to its power is no
 
 
 def check_cells(mesh: Any) -> None:
-    """Look at all of this rank's cells, once for each place of the nodes.
+    """Look at all of this rank's cells, once for each place of the nodes. The facets of the cells, and the
+    cells of the facets, are known already.
 
     Raises:
         InputError: with the place of the worst cell

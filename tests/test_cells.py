@@ -18,7 +18,11 @@ CELLS = {"triangle": 2, "quadrilateral": 2, "tetrahedron": 3, "hexahedron": 3}
 
 def made(cell, degree=1, mapping=None, partition=lambda x, ranks: np.arange(len(x)) % ranks):
     body = meshes.grid((3, 2, 2)[: CELLS[cell]], mapping=mapping, cell=cell, degree=degree)
-    return meshes.create(COMM, body, partition)[0]
+    mesh = meshes.create(COMM, body, partition)[0]
+    for facets_of_cells in (True, False):  # collective, and done in surfaces before
+        dims = mesh.topology.dim, mesh.topology.dim - 1
+        mesh.topology.create_connectivity(*(dims if facets_of_cells else dims[::-1]))
+    return mesh
 
 
 def bent(x):
@@ -43,7 +47,6 @@ SOUND = {
 def test_sound_cells(cell, degree, mapping):
     mesh = made(cell, degree, mapping)
     check_cells(mesh)
-    mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
     tags = meshes.tag_facets(mesh, {5: lambda x: np.isfinite(x[0])})  # the whole boundary
     surface = dc.Surface(fem.Function(compat.vector_space(mesh, 1)), tags, 5)
     assert COMM.allreduce(len(surface.facets)) > 0
