@@ -3,7 +3,7 @@
 
 An input is *survived* if every rank gets the same class of dolfinx_contact's errors, whose message says
 what to do and names its page. It is *lost* if it ends in another error, in no error at all, in a crash
-or in a hang. Inputs are in bad_cases.py and bad_runs.py; those that work do not belong there.
+or in a hang. Inputs are in bad_inputs/; those that work do not belong there.
 
 Each kind of input runs in processes of its own, which go on with the next case where they end.
 
@@ -85,11 +85,10 @@ def run(kinds, progress=None, first=0, every=1, verbose=False):
     Returns:
         for each case its kind, its name and what is wrong
     """
-    import bad_cases
-    import bad_runs  # noqa: F401, whose kinds are registered
+    import bad_inputs
 
     tried = []
-    all_cases = [(kind, *case) for kind in kinds for case in bad_cases.cases(kind)]
+    all_cases = [(kind, *case) for kind in kinds for case in bad_inputs.cases(kind)]
     for number, (kind, name, call) in enumerate(all_cases):
         if number < first or (number - first) % every:
             continue

@@ -120,10 +120,8 @@ class ContactProblem:
             raise InputError(
                 f"ContactProblem: strategy is {strategy!r}; give Newton() or FixedPoint()."
             )
-        if not isinstance(petsc_options, (dict, type(None))) or not all(
-            isinstance(key, str) and isinstance(value, (str, int, float, bool, type(None)))
-            for key, value in (petsc_options or {}).items()
-        ):
+        named = isinstance(petsc_options, (dict, type(None)))
+        if not named or not all(isinstance(name, str) for name in petsc_options or ()):
             raise InputError(
                 f"ContactProblem: petsc_options is {petsc_options!r}; give a dict of names, without"
                 ' prefix, and values, as {"ksp_type": "gmres"}.'

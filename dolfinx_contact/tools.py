@@ -161,9 +161,9 @@ class RigidTool:
                 " ContactProblem, and solve that."
             )
         total = np.zeros(self.dim + (1 if self.dim == 2 else 3))
-        for pair, number in self._pairs:
+        for pair, which in self._pairs:
             table = pair._solved()
-            on = table["closed"] & (table["tool"] == number)
+            on = table["closed"] & (table["tool"] == which)
             forces = -table["weight"][on, None] * table["traction"][on]
             moments = _cross(table["target"][on], forces)
             total += np.concatenate([forces.sum(axis=0), moments.sum(axis=0)])
