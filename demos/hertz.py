@@ -134,7 +134,7 @@ class Model:
         elsewhere. (For displacements of degree 1, whose nodes are the corners.)"""
         V = self.u.function_space
         local = V.mesh.topology.index_map(2).size_local  # without ghosts
-        nodes = V.dofmap.list.array.reshape(-1, 3)[:local]
+        nodes = np.array([V.dofmap.cell_dofs(c) for c in range(local)]).reshape(-1, 3)
         x, u = V.tabulate_dof_coordinates()[:, :2], self.u.x.array.reshape(-1, 2)
         parts = comm.gather((self.body[:local], x[nodes], u[nodes]), root=0)
         return None if parts is None else [np.concatenate(part) for part in zip(*parts)]

@@ -154,7 +154,11 @@ class NewtonLoop:
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
         start = time.perf_counter()
+        allocations = self.system.allocations
         self.system.jacobian(x, A)
+        if self.system.allocations > allocations:
+            # PETSc 3.22 sees no new pattern on several ranks, and would go on with the old analysis
+            snes.getKSP().getPC().reset()
         if self._first_matrix:
             self.system.check_held()
         self._first_matrix = False

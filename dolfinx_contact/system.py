@@ -91,6 +91,7 @@ class System:
         self.hierarchy: Any = None  # of solvers.iterative
         self.x = PETSc.Vec().createMPI((self.layout.owned, None), comm=self.comm)
         self.b = self.x.duplicate()
+        self.allocations = 0  # new patterns of the matrix
         self._maps = [
             PETSc.LGMap().create(self.layout.local_dofs(i), comm=self.comm)
             for i in range(len(self.u))
@@ -246,6 +247,7 @@ class System:
         if not self.comm.allreduce(holds, op=MPI.LAND):
             with events.ALLOCATE:
                 self._allocate(A)
+            self.allocations += 1
         self.write(x)
         self._update_materials()
         A.zeroEntries()

@@ -46,9 +46,16 @@ void BlockAdder::open(Mat A)
   check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(A), MATSEQAIJ, &seq), "open");
   check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(A), MATMPIAIJ, &mpi), "open");
   check(MatAssembled(A, &assembled), "MatAssembled");
+  Mat own = A, others = nullptr;
+  _others = nullptr;
+  if (mpi)
+    check(MatMPIAIJGetSeqAIJ(A, &own, &others, &_others), "MatMPIAIJGetSeqAIJ");
+  // Allocated anew, a matrix on several ranks gets new parts; its own state may be as before then
+  // (PETSc 3.22)
   PetscObjectId id = 0;
   PetscObjectState nonzeros = 0;
-  check(PetscObjectGetId(reinterpret_cast<PetscObject>(A), &id), "PetscObjectGetId");
+  if (own)
+    check(PetscObjectGetId(reinterpret_cast<PetscObject>(own), &id), "PetscObjectGetId");
   check(MatGetNonzeroState(A, &nonzeros), "MatGetNonzeroState");
   // a matrix that has been assembled with this pattern has no gaps in its arrays, also after others
   // have begun to add to it
@@ -63,12 +70,9 @@ void BlockAdder::open(Mat A)
 
   check(MatGetOwnershipRange(A, &_first, &_last), "MatGetOwnershipRange");
   check(MatGetOwnershipRangeColumn(A, &_first_column, &_last_column), "MatGetOwnershipRange");
-  Mat own = A, others = nullptr;
-  _others = nullptr;
   _num_others = 0;
   if (mpi)
   {
-    check(MatMPIAIJGetSeqAIJ(A, &own, &others, &_others), "MatMPIAIJGetSeqAIJ");
     check(MatGetSize(others, nullptr, &_num_others), "MatGetSize");
     _parts[1].open(others);
   }
