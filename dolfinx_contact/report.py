@@ -121,7 +121,12 @@ class Report:
         self.lines.extend((bulk, contact, *changes))
 
     def took(self, stage: str, seconds: float) -> None:
-        """Add to the time of "total", "residual" or "jacobian" [s]."""
+        """Add to a time.
+
+        Args:
+            stage: "total", "residual" or "jacobian"
+            seconds: to add [s]
+        """
         self.seconds[STAGES.index(stage)] += seconds
 
     def __str__(self) -> str:
