@@ -23,6 +23,22 @@ sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != root]
 test_timeout = float(os.environ.get("CONTACT_TEST_TIMEOUT", 400))
 failure_timeout = min(60.0, test_timeout / 2)
 
+#: Modules about what one process does, texts, pictures and materials, or whose parallel side two ranks
+#: show as well as three: where ranks outnumber the cores they would take half of the time.
+UP_TO_TWO_RANKS = {
+    *(
+        "bad_input",
+        "benchmarks",
+        "convergence",
+        "demos",
+        "docs",
+        "docstrings",
+        "infsup",
+        "locking",
+    ),
+    *("materials", "memory", "msh", "plot", "quadrature"),
+}
+
 comm = MPI.COMM_WORLD.Dup()
 stderr = sys.stderr
 failed: list[str] = []  # tests that failed here
@@ -32,6 +48,14 @@ failed_elsewhere: list[str] = []  # tests that failed on another rank only
 def pytest_configure(config):
     global stderr
     stderr = os.fdopen(os.dup(2), "w")  # pytest captures the original
+
+
+def pytest_collection_modifyitems(config, items):
+    if comm.size <= 2:
+        return
+    left = [i for i in items if i.path.stem.removeprefix("test_") in UP_TO_TWO_RANKS]
+    items[:] = [i for i in items if i not in left]
+    config.hook.pytest_deselected(items=left)
 
 
 @pytest.hookimpl(trylast=True)
