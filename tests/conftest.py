@@ -36,7 +36,7 @@ UP_TO_TWO_RANKS = {
         "infsup",
         "locking",
     ),
-    *("materials", "memory", "msh", "plot", "quadrature"),
+    *("materials", "memory", "mixed", "msh", "plot", "quadrature"),
 }
 
 comm = MPI.COMM_WORLD.Dup()
