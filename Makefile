@@ -36,8 +36,8 @@ help:
 	@echo "make test-debian   the same inside Debian RELEASE=bookworm, trixie or sid; writes docs/versions.md"
 	@echo "make test-sanitize C++ and Python tests with address and undefined-behaviour sanitizers"
 	@echo "make tidy          checks of clang-tidy"
-	@echo "make bench         what contact costs and how it grows, beside the bulk and GetFEM; takes half an hour"
-	@echo "make bench-solvers MUMPS and the iterative solver up to 4e5 dofs; as long again"
+	@echo "make bench         what contact costs and how it grows, beside the bulk and GetFEM; takes long"
+	@echo "make bench-solvers MUMPS and the iterative solver up to 4e5 dofs; takes long, and 14 GB"
 	@echo "make docs          the documentation, in $(BUILD)/docs/index.html"
 	@echo "make gallery       run the demos anew and put their pictures into the documentation"
 	@echo "make robustness    60 runs with default settings; writes docs/robustness.md"
@@ -147,7 +147,7 @@ bench: install
 	$(PY) benchmarks/locking.py
 	$(PY) benchmarks/material.py
 
-# MUMPS with 4e5 dofs takes half an hour and 14 GB
+# MUMPS with 4e5 dofs takes most of the time, and 14 GB (docs/linear_solvers.md)
 bench-solvers: install
 	$(PY) benchmarks/solvers.py --output docs/linear_solvers.md
 

@@ -35,7 +35,7 @@ MENDING = re.compile(  # a message says what to do
     r"save|solve|tag|take|turn|use|write)\b",
     re.IGNORECASE,
 )
-FOREIGN = ("OMPI_", "PMIX_", "PMI_", "PRTE_")  # children are jobs of their own
+FOREIGN = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI")  # children are jobs of their own
 KEPT = ("OMPI_ALLOW", "OMPI_MCA_rmaps", "OMPI_MCA_btl", "PRTE_MCA_")
 
 
@@ -113,20 +113,25 @@ def note(progress, line):
 # -- the whole campaign, in children ------------------------------------------------------------------
 
 
-def child(kind, ranks, first, progress):
-    """Run cases in another process, or in several."""
+def job(arguments, ranks, **variables):
+    """Exit status and output of a Python job of its own, also from inside one of MPI.
+
+    Args:
+        arguments: of Python
+        ranks: number of them
+        variables: of the environment, beside this process's
+    """
     env = {
         key: value
         for key, value in os.environ.items()
         if not key.startswith(FOREIGN) or key.startswith(KEPT)
     }
-    command = [sys.executable, __file__, "--kind", kind, "--first", str(first)]
-    command += ["--progress", str(progress)]
+    command = [sys.executable, *map(str, arguments)]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     done = subprocess.run(
         command,
-        env=env,
+        env={**env, **variables},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -134,6 +139,11 @@ def child(kind, ranks, first, progress):
         errors="replace",
     )
     return done.returncode, done.stdout
+
+
+def child(kind, ranks, first, progress):
+    """Run cases in another process, or in several."""
+    return job([__file__, "--kind", kind, "--first", first, "--progress", progress], ranks)
 
 
 def batch(kind, ranks):
