@@ -35,9 +35,11 @@ from mpi4py import MPI
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
 
-parser = argparse.ArgumentParser()
+parser = argparse.ArgumentParser(
+    description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+)
 parser.add_argument("--slab", type=int, default=60, help="facets along the slab")
-parser.add_argument("--mesh", help="a .msh file for them")
+parser.add_argument("--mesh", help="a .msh file of both bodies; see above for its groups")
 parser.add_argument("--step", type=float, default=0.2, help="longer increment [mm]")
 parser.add_argument("--way", type=float, default=10.0, help="length of the slide [mm]")
 RULES = {"simpson1": dc.Simpson(1), "simpson2": dc.Simpson(2), "segments": dc.Segments()}
@@ -65,7 +67,13 @@ def indenter(x):
 
 n = args.slab
 if args.mesh:
-    mesh, cell_tags, facet_tags = meshes.read_msh(comm, args.mesh, 2)
+    mesh, cell_tags, facet_tags = meshes.read_msh(
+        comm,
+        args.mesh,
+        2,
+        cells={1: "indenter", 2: "slab"},
+        facets={TOP: "top", BOTTOM: "bottom", SLAVE: "the arc", MASTER: "top of the slab"},
+    )
     body = np.ones(cell_tags.indices.max(initial=-1) + 1, dtype=int)
     body[cell_tags.indices] = cell_tags.values - 1
 else:

@@ -143,7 +143,13 @@ def create(
     return mesh, body.astype(np.int32)
 
 
-def read_msh(comm: MPI.Comm, file: str | Path, dim: int) -> tuple[Any, Any, Any]:
+def read_msh(
+    comm: MPI.Comm,
+    file: str | Path,
+    dim: int,
+    cells: dict[int, str] | None = None,
+    facets: dict[int, str] | None = None,
+) -> tuple[Any, Any, Any]:
     """A mesh by gmsh, with the tags of its physical groups. Collective; rank 0 reads.
 
     The same for all versions of DOLFINx, whose function of this kind goes by several names, and
@@ -153,12 +159,14 @@ def read_msh(comm: MPI.Comm, file: str | Path, dim: int) -> tuple[Any, Any, Any]
         comm: of the mesh
         file: a .msh file
         dim: of the space
+        cells, facets: groups that must be there, by their tags, and what each is, for the message
+            if one is not; rank 0's count
 
     Returns:
         mesh, tags of cells, tags of facets
 
     Raises:
-        InputError: on all ranks, without such a file, or if gmsh or DOLFINx cannot read it
+        InputError: on all ranks, without such a file or groups, or if gmsh or DOLFINx cannot read it
     """
     with contextlib.ExitStack() as stack:
         model = None
@@ -166,6 +174,7 @@ def read_msh(comm: MPI.Comm, file: str | Path, dim: int) -> tuple[Any, Any, Any]
             if comm.rank == 0:
                 path = file_name("meshes.read_msh", file)
                 whole("meshes.read_msh", "dim", dim, 2, 3)
+                wanted = {dim: _wanted("cells", cells), dim - 1: _wanted("facets", facets)}
                 model = stack.enter_context(gmsh_model(path, "meshes.read_msh"))
                 if not np.isfinite(model.mesh.getNodes()[1]).all():
                     raise InputError("it has nodes that are not finite; make the mesh anew")
@@ -174,6 +183,7 @@ def read_msh(comm: MPI.Comm, file: str | Path, dim: int) -> tuple[Any, Any, Any]
                         f"it has no physical groups of dimension {dim}; give one to each body, and"
                         " to the boundaries you need"
                     )
+                _check_groups(model, wanted)
         return compat.gmsh_to_mesh(model, comm, dim)
 
 
@@ -213,6 +223,38 @@ def tag_facets(
 
 
 # -- helpers ----------------------------------------------------------------------------------
+
+
+def _wanted(name: str, groups: Any) -> dict[int, str]:
+    """Groups that the user wants, checked."""
+    fits = groups is None or isinstance(groups, dict)
+    for tag in groups or () if fits else ():
+        fits = fits and isinstance(tag, (int, np.integer)) and not isinstance(tag, bool)
+    if not fits:
+        raise InputError(
+            f"meshes.read_msh: {name} is {groups!r}; give a dictionary from tags, integers, to what"
+            " the physical groups are."
+        )
+    return groups or {}
+
+
+def _check_groups(model: Any, wanted: dict[int, dict[int, str]]) -> None:
+    """Refuse a model of gmsh's that lacks physical groups; ``wanted``: their meaning by dimension
+    and tag."""
+    missing, there = [], []
+    for dim, groups in wanted.items():
+        kind = {1: "physical curve", 2: "physical surface", 3: "physical volume"}[dim]
+        tags = [tag for _, tag in model.getPhysicalGroups(dim)]
+        tags = [tag for tag in tags if len(model.mesh.getNodesForPhysicalGroup(dim, tag)[0])]
+        names = [model.getPhysicalName(dim, tag) for tag in tags]
+        found = [f"{tag} {name!r}" if name else str(tag) for tag, name in zip(tags, names)]
+        there.append(f"{kind}s {', '.join(found) or 'none'}")
+        missing += [f"no {kind} {tag} ({groups[tag]})" for tag in groups if tag not in tags]
+    if missing:
+        raise InputError(
+            f"it has {', '.join(missing)}; found: {'; '.join(there)}. Give each group that is wanted"
+            " its tag, and a mesh"
+        )
 
 
 def _mapped(mapping: Any, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
