@@ -10,7 +10,9 @@ flow stress at the contact's edge (Tabor 1951), for the strains here some 3.2 σ
 imprint stays, less the elastic recovery.
 
 Run it with `python3 demos/indentation.py`, alone or under mpirun. `--cells` sets the elements along
-each side. It writes demos/pictures/indentation.png.
+each side. `--mesh FILE` is a .msh file of another block by Gmsh, in r = x ≥ 0 below y = 0, with a
+physical surface, and the physical curves 5 (its upper side), 1 (on the axis) and 2 (the bottom); Tabor's
+pressure and the recovery are not asserted then. It writes demos/pictures/indentation.png.
 """
 
 import argparse
@@ -25,8 +27,11 @@ from mpi4py import MPI
 import dolfinx_contact as dc
 from dolfinx_contact import meshes, plasticity
 
-parser = argparse.ArgumentParser()
+parser = argparse.ArgumentParser(
+    description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+)
 parser.add_argument("--cells", type=int, default=32, help="elements along each side")
+parser.add_argument("--mesh", help="a .msh file of the block; see above for its groups")
 args = parser.parse_args()
 
 comm = MPI.COMM_WORLD
@@ -39,16 +44,20 @@ def graded(x):
     return np.column_stack([SIZE * x[:, 0] ** 1.7, -SIZE * (1 - x[:, 1]) ** 1.7])
 
 
-n = args.cells
-mesh, _ = meshes.create(comm, [meshes.grid((n, n), mapping=graded)])
-tags = meshes.tag_facets(
-    mesh,
-    {
-        CONTACT: lambda x: np.isclose(x[1], 0),
-        AXIS: lambda x: np.isclose(x[0], 0),
-        BOTTOM: lambda x: np.isclose(x[1], -SIZE),
-    },
-)
+if args.mesh:
+    groups = {CONTACT: "upper side", AXIS: "axis", BOTTOM: "bottom"}
+    mesh, _, tags = meshes.read_msh(comm, args.mesh, 2, facets=groups)
+else:
+    n = args.cells
+    mesh, _ = meshes.create(comm, [meshes.grid((n, n), mapping=graded)])
+    tags = meshes.tag_facets(
+        mesh,
+        {
+            CONTACT: lambda x: np.isclose(x[1], 0),
+            AXIS: lambda x: np.isclose(x[0], 0),
+            BOTTOM: lambda x: np.isclose(x[1], -SIZE),
+        },
+    )
 V = dc.vector_space(mesh, 2)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 hardening = plasticity.Linear(yields, 1000.0)
@@ -112,8 +121,9 @@ if comm.rank == 0:
     figure.savefig(file, dpi=110)
     print("picture:", file)
 
-    assert 2.8 < pressure / yields < 3.6, "Tabor's mean pressure"
     # elastic recovery of a flat circular contact of the radius a: F (1 − ν²)/(2 a E)
     recovery = load[top] * (1 - nu**2) / (2 * E * np.sqrt(area[top] / np.pi))
     print(f"elastic recovery {depth[top] - depth[-1]:.4f} mm, of a flat punch {recovery:.4f} mm")
-    assert 1 < (depth[top] - depth[-1]) / recovery < 2.0, "of the order of a flat punch's"
+    if not args.mesh:
+        assert 2.8 < pressure / yields < 3.6, "Tabor's mean pressure"
+        assert 1 < (depth[top] - depth[-1]) / recovery < 2.0, "of the order of a flat punch's"

@@ -10,9 +10,12 @@ resultant of contact makes the angle of friction with the normal of the slope, t
 whatever the pressures are. The block starts at rest and sticks; as it is pushed, slip spreads from
 the rear until all of it slides. The plane is a `RigidPlane`: a tool without unknowns.
 
-Run it with `python3 demos/wedge.py`, alone or under mpirun. It writes demos/pictures/wedge.png.
+Run it with `python3 demos/wedge.py`, alone or under mpirun. `--mesh FILE` is a .msh file of another block
+by Gmsh whose lower side lies on the slope, y = x/10, with a physical surface, and the physical curves 5
+(the lower side) and 1 (the top). It writes demos/pictures/wedge.png.
 """
 
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +26,12 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import meshes
+
+parser = argparse.ArgumentParser(
+    description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+)
+parser.add_argument("--mesh", help="a .msh file of the block; see above for its groups")
+args = parser.parse_args()
 
 comm = MPI.COMM_WORLD
 E, nu, mu, slope = 200.0, 0.3, 0.5, 0.1
@@ -36,10 +45,14 @@ def sheared(x):
     return np.column_stack([x[:, 0], x[:, 1] + slope * x[:, 0] * (1 - x[:, 1])])
 
 
-mesh, _ = meshes.create(comm, [meshes.grid((24, 12), (0, 0), (2, 1), sheared)])
-facet_tags = meshes.tag_facets(
-    mesh, {SLAVE: lambda x: np.isclose(x[1], slope * x[0]), TOP: lambda x: np.isclose(x[1], 1)}
-)
+if args.mesh:
+    groups = {SLAVE: "lower side", TOP: "top"}
+    mesh, _, facet_tags = meshes.read_msh(comm, args.mesh, 2, facets=groups)
+else:
+    mesh, _ = meshes.create(comm, [meshes.grid((24, 12), (0, 0), (2, 1), sheared)])
+    facet_tags = meshes.tag_facets(
+        mesh, {SLAVE: lambda x: np.isclose(x[1], slope * x[0]), TOP: lambda x: np.isclose(x[1], 1)}
+    )
 V = dc.vector_space(mesh, 1)
 u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
 psi = dc.materials.small_strain(u, *dc.materials.lame(E, nu))
@@ -98,5 +111,7 @@ if comm.rank == 0:
     file.parent.mkdir(exist_ok=True)
     figure.savefig(file, dpi=130)
     print("picture:", file)
-    assert sticks[-1] == 0 and slips[-1] > 20
-    assert abs(ratio[-1] - exact) < 1e-6, "the angle of friction"
+    if not args.mesh:
+        assert sticks[-1] == 0 and slips[-1] > 20
+    if sticks[-1] == 0:
+        assert abs(ratio[-1] - exact) < 1e-6, "the angle of friction"
