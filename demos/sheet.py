@@ -14,9 +14,11 @@ thins most at the pole; with friction beside it, and there it necks after the fo
 
 Run it with `python3 demos/sheet.py`, alone or under mpirun. `--facets` and `--layers` set the mesh,
 `--step` the longest step, `--travel` how far the punch goes. `--quarter N` calculates a quarter of the
-sheet in 3D, with N × N hexahedra and friction, up to the travel, and compares the force. With
-`--checkpoint FILE` each step is saved, and after an interruption the same command and `--resume` go on, on
-any number of ranks. It writes demos/pictures/sheet.png.
+sheet in 3D, with N × N hexahedra and friction, up to the travel, and compares the force. `--mesh
+FILE` is a .msh file of the sheet by Gmsh, 0 ≤ x = r ≤ 59.18, 0 ≤ y ≤ 1, with a physical surface, and the
+physical curves 5 (upper side), 6 (lower side), 1 (on the axis) and 2 (the clamped edge); forces and
+strains of the reference are not asserted then. With `--checkpoint FILE` each step is saved, and after an
+interruption the same command and `--resume` go on, on any number of ranks. It writes demos/pictures/sheet.png.
 """
 
 import argparse
@@ -33,7 +35,9 @@ from petsc4py import PETSc
 import dolfinx_contact as dc
 from dolfinx_contact import meshes, plasticity
 
-parser = argparse.ArgumentParser()
+parser = argparse.ArgumentParser(
+    description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+)
 parser.add_argument("--facets", type=int, default=60, help="facets along the radius")
 parser.add_argument("--layers", type=int, default=2, help="elements through the thickness")
 parser.add_argument("--step", type=float, default=1.0, help="longest step of the punch [mm]")
@@ -41,6 +45,7 @@ parser.add_argument("--travel", type=float, default=40.0, help="of the punch [mm
 parser.add_argument(
     "--quarter", type=int, default=0, help="elements along a quarter's side; 0: none"
 )
+parser.add_argument("--mesh", help="a .msh file of the sheet; see above for its groups")
 parser.add_argument("--checkpoint", help="file to save each step in")
 parser.add_argument("--resume", action="store_true", help="go on from the checkpoint")
 args = parser.parse_args()
@@ -95,16 +100,20 @@ class Axisymmetric:
 
     def __init__(self, name, mu):
         self.name, self.mu, n = name, mu, args.facets
-        mesh, _ = meshes.create(comm, [meshes.grid((n, args.layers), (0, 0), (R0, 1))])
-        tags = meshes.tag_facets(
-            mesh,
-            {
-                UPPER: lambda x: np.isclose(x[1], 1),
-                LOWER: lambda x: np.isclose(x[1], 0),
-                AXIS: lambda x: np.isclose(x[0], 0),
-                EDGE: lambda x: np.isclose(x[0], R0),
-            },
-        )
+        if args.mesh:
+            groups = {UPPER: "upper side", LOWER: "lower side", AXIS: "axis", EDGE: "clamped edge"}
+            mesh, _, tags = meshes.read_msh(comm, args.mesh, 2, facets=groups)
+        else:
+            mesh, _ = meshes.create(comm, [meshes.grid((n, args.layers), (0, 0), (R0, 1))])
+            tags = meshes.tag_facets(
+                mesh,
+                {
+                    UPPER: lambda x: np.isclose(x[1], 1),
+                    LOWER: lambda x: np.isclose(x[1], 0),
+                    AXIS: lambda x: np.isclose(x[0], 0),
+                    EDGE: lambda x: np.isclose(x[0], R0),
+                },
+            )
         self.V = V = dc.vector_space(mesh, 2)
         u, w = fem.Function(V, name="displacement"), ufl.TestFunction(V)
         self.u, self.mesh = u, mesh
@@ -122,6 +131,9 @@ class Axisymmetric:
             dc.ContactPair(dc.Surface(u, tags, tag), tool, friction=mu, axisymmetric=True)
             for tag, tool in ((UPPER, self.punch), (LOWER, self.die))
         ]
+        # radii of the vertices of the lower side
+        radii = comm.allgather(self.pairs[1].slave.mesh.geometry.x[:, 0])
+        self.radii = np.unique(np.round(np.concatenate(radii), 6))
         F = self.sheet.work(w)
         self.problem = dc.ContactProblem(F, u, self.pairs, bcs=bcs, materials=[self.sheet])
 
@@ -153,7 +165,7 @@ class Axisymmetric:
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         owned = self.edge[self.edge < self.V.dofmap.index_map.size_local]
         clamp = b.array_r.reshape(-1, 2)[owned, 1].sum()
-        h = R0 / args.facets
+        h = self.radii[-1] - self.radii[-2]
         for pair in self.pairs:
             p = pair.particles
             s = np.clip(1 - (R0 - p.reference[:, 0]) / h, 0, None)  # 1 at the clamp, in its facet
@@ -269,7 +281,7 @@ solid = quarter(args.quarter) if args.quarter else None
 def peak(run, travel):
     """Initial radius at which the meridional strain is largest, without the element at the axis."""
     r, strain = run.at("strains", travel)[:, :2].T
-    return r[np.argmax(np.where(r > R0 / args.facets, strain, -1))]
+    return r[np.argmax(np.where(r > run.radii[1], strain, -1))]
 
 
 if comm.rank == 0:
@@ -333,10 +345,13 @@ if comm.rank == 0:
             if t in STOPS:
                 value = punch[travel == t][0] / 1e3
                 print(f"  travel {t}: {value:.2f} kN, reference {reference}")
-                assert abs(value / reference - 1) < 0.015, "the independent model's force"
+                assert (
+                    args.mesh or abs(value / reference - 1) < 0.015
+                ), "the independent model's force"
     peaks = [peak(with_friction, t) for t in STOPS if 10 <= t <= 30]
-    assert np.all(np.diff(peaks) >= 0), "with friction the largest strain moves outwards"
-    if 20 in STOPS:
+    if not args.mesh:
+        assert np.all(np.diff(peaks) >= 0), "with friction the largest strain moves outwards"
+    if 20 in STOPS and not args.mesh:
         assert peak(with_friction, 20) > 10 > peak(without, 20), "beside the pole, or near it"
     if solid is not None:
         axial = np.interp(solid[-1, 0], *with_friction.rows[:, :2].T)
