@@ -3,11 +3,13 @@
 
 Each function draws a figure of its own, which it returns and writes if given a file, or in axes of the
 user's. All ranks call it, and rank 0 draws; the others get None, and need no axes. The figures have no
-window; a notebook shows those that are returned.
+window; a notebook shows those that are returned. Only ``view`` is of another kind: a scene of PyVista's to
+turn and zoom, where that is installed.
 """
 
 from __future__ import annotations
 
+import contextlib
 import io
 from pathlib import Path
 from typing import Any, Mapping, Sequence
@@ -38,6 +40,7 @@ __all__ = [
     "history",
     "pressure",
     "status",
+    "view",
 ]
 
 STATUS = {"open": "0.75", "slip": "tab:orange", "stick": "tab:blue"}
@@ -78,13 +81,7 @@ def bodies(
         InputError: see gather_bodies
         ContactError: on all ranks, if the file cannot be written
     """
-    comm = None
-    listed = shown if isinstance(shown, (list, tuple)) else [shown]
-    if listed and all(isinstance(one, Shapes) for one in listed):
-        shown = Shapes.together(listed)
-    elif shown is not None:
-        shown = gather_bodies(shown, field)
-        comm = listed[0].function_space.mesh.comm
+    shown, comm = _shapes(shown, field)
 
     def draw(figure: Any, axes: Any) -> None:
         values = shown.values
@@ -153,10 +150,9 @@ def pressure(
             axes.set(xlabel="xy"[along], ylabel=label)
             axes.grid(alpha=0.3)
         else:
-            around = [0, 1, 3, 2] if x.shape[1] == 4 else [0, 1, 2]
             norm = Normalize(*_range(p))
             colours = colormaps["viridis"](norm(p.mean(axis=1)))[:, :3]
-            axes = render.draw(figure, axes, [x[:, around]], colours, False)
+            axes = render.draw(figure, axes, [_around(x)], colours, False)
             figure.colorbar(ScalarMappable(norm, "viridis"), ax=axes, label=label, shrink=0.7)
         if title:
             axes.set_title(title)
@@ -317,6 +313,68 @@ def convergence(
             axes.set_title(title)
 
     return _picture(draw, None, True, file, axes, "plot.convergence")
+
+
+def view(
+    shown: Any,
+    *,
+    field: Any = None,
+    label: str = "",
+    clim: tuple[float, float] | None = None,
+    cmap: str = "viridis",
+    color: Any = "lightsteelblue",
+    edges: bool = True,
+) -> Any:
+    """Deformed bodies, or the pressure on a slave surface in 3D, in a scene of PyVista's. Collective.
+
+    ``show()`` of what is returned opens a window, or in a notebook a view that the mouse turns;
+    ``screenshot(file)`` writes a picture, and needs a display.
+
+    Args:
+        shown, field: as for bodies; or a pair that has been solved, whose pressure is shown
+        label: of the field or the pressure, with its unit
+        clim, cmap, color, edges: as for bodies
+
+    Returns:
+        a pyvista.Plotter on rank 0, else None; more can be added to it
+
+    Raises:
+        InputError: see gather_bodies; a pair in 2D
+        ContactError: on all ranks, without PyVista, or if the pair has not been solved
+    """
+    if isinstance(shown, ContactPair):
+        if shown.slave.dim == 2:
+            raise InputError("plot.view: this pair is in 2D; draw it with plot.pressure.")
+        label = label or "contact pressure"
+        comm, facets, shapes = shown.comm, gather_pressure(shown, parts=4), None
+        if facets is not None:
+            shapes = Shapes([_around(facets[0])], facets[1].mean(axis=1))
+    else:
+        shapes, comm = _shapes(shown, field)
+    plotter = None
+    with contextlib.ExitStack() as stack:
+        if comm is not None:
+            stack.enter_context(together(comm, "plot.view"))
+        if shapes is not None:
+            plotter = render.scene(
+                shapes.corners, shapes.values, label, edges, color=color, cmap=cmap, clim=clim
+            )
+    return plotter
+
+
+def _shapes(shown: Any, field: Any) -> tuple[Shapes | None, Any]:
+    """What ``bodies`` is to draw, on rank 0, and the ranks that take part; None: this one alone."""
+    listed = shown if isinstance(shown, (list, tuple)) else [shown]
+    if listed and all(isinstance(one, Shapes) for one in listed):
+        return Shapes.together(listed), None
+    if shown is None:
+        return None, None
+    return gather_bodies(shown, field), listed[0].function_space.mesh.comm
+
+
+def _around(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Corners of facets in order around, from Basix's; (facets, corners, dim)."""
+    return x[:, [0, 1, 3, 2] if x.shape[1] == 4 else [0, 1, 2]]
 
 
 class _Figure(Figure):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Polygons in space: a picture by VTK where it can open a window, off the screen; else matplotlib's."""
+"""Polygons in space: a picture by VTK where it can open a window, off the screen, else matplotlib's; or a
+scene of PyVista's, to turn and zoom."""
 
 from __future__ import annotations
 
@@ -12,6 +13,8 @@ from typing import Any, Iterator
 
 import numpy as np
 import numpy.typing as npt
+
+from .errors import ContactError
 
 _PIXELS = (1400, 1050)
 _BEHIND = (-0.75, -1.0, 0.65)  # where the camera is, seen from the middle
@@ -61,13 +64,52 @@ def _by_matplotlib(axes: Any, polygons: list[Any], colours: Any, edges: bool) ->
     axes.tick_params(labelsize=8)
 
 
-def _by_vtk(polygons: list[Any], colours: Any, edges: bool) -> Any:
-    """An image (rows, columns, 3); None without VTK."""
+def scene(
+    polygons: list[Any],
+    values: npt.NDArray[np.float64] | None,
+    label: str,
+    edges: bool,
+    **colours: Any,
+) -> Any:
+    """A Plotter of PyVista's with polygons in it.
+
+    Args:
+        polygons: arrays (polygons, corners, 2 or 3) [length]
+        values: one for each, or None
+        label: of the values
+        edges: whether they are drawn
+        colours: color, cmap and clim, as for add_mesh
+
+    Raises:
+        ContactError: there is no PyVista
+    """
     try:
-        import vtk
-        from vtk.util import numpy_support as arrays
-    except ImportError:
-        return None
+        import pyvista
+    except ImportError as error:
+        raise ContactError(
+            f"plot.view: PyVista cannot be imported ({error}); install it (Debian 13: python3-pyvista),"
+            " or draw with plot.bodies or plot.pressure, which do without."
+        ) from error
+    flat = polygons[0].shape[2] == 2
+    data = pyvista.PolyData(*_faces([np.pad(k, [(0, 0)] * 2 + [(0, flat)]) for k in polygons]))
+    label = label or "values"
+    if values is not None:
+        data.cell_data[label] = values
+    plotter = pyvista.Plotter()
+    plotter.set_background("white")
+    bar = dict(color="black")
+    shown = {} if values is None else dict(scalars=label, scalar_bar_args=bar)
+    plotter.add_mesh(data, show_edges=edges, **shown, **colours)
+    plotter.add_axes(color="black")
+    if flat:
+        plotter.view_xy()
+    else:
+        plotter.camera_position = _BEHIND
+    return plotter
+
+
+def _faces(polygons: list[Any]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+    """Points (n, 3), and each polygon's number of corners followed by their numbers, in one row."""
     points = np.concatenate([kind.reshape(-1, 3) for kind in polygons])
     cells, first = [], 0
     for kind in polygons:
@@ -75,9 +117,19 @@ def _by_vtk(polygons: list[Any], colours: Any, edges: bool) -> Any:
         ids = first + np.arange(n * corners).reshape(n, corners)
         cells.append(np.column_stack([np.full(n, corners), ids]).ravel())
         first += n * corners
+    return points, np.concatenate(cells).astype(np.int64)
+
+
+def _by_vtk(polygons: list[Any], colours: Any, edges: bool) -> Any:
+    """An image (rows, columns, 3); None without VTK."""
+    try:
+        import vtk
+        from vtk.util import numpy_support as arrays
+    except ImportError:
+        return None
+    points, ids = _faces(polygons)
     data, where, faces = vtk.vtkPolyData(), vtk.vtkPoints(), vtk.vtkCellArray()
     where.SetData(arrays.numpy_to_vtk(points, deep=True))
-    ids = np.concatenate(cells).astype(np.int64)
     faces.SetCells(
         sum(len(kind) for kind in polygons), arrays.numpy_to_vtkIdTypeArray(ids, deep=True)
     )

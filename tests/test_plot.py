@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Pictures: what is gathered for them, and that they are drawn on any ranks, without a display."""
 
+import importlib.util
 import os
 
 import numpy as np
@@ -157,6 +158,41 @@ def test_without_a_display(solved, tmp_path, monkeypatch, server):
     if COMM.rank == 0:
         assert 0.05 < ink(folder / "plain.png") < 0.8
     assert "DISPLAY" not in os.environ
+
+
+def test_a_scene_to_turn(solved, tmp_path):
+    """Where PyVista is, a scene of the bodies or of the pressure; elsewhere all ranks say what to install."""
+    u, pair, _ = solved
+    dim = u.function_space.mesh.geometry.dim
+    file = COMM.bcast(tmp_path) / "view.png"
+    if importlib.util.find_spec("pyvista") is None:
+        for shown in (u, pair) if dim == 3 else (u,):
+            with pytest.raises(dc.ContactError, match="python3-pyvista"):
+                dc.plot.view(shown)
+        return
+    view = dc.plot.view(u, field=u, label="|u|")
+    assert (view is None) == (COMM.rank > 0)
+    if view is not None:
+        shapes, data = dc.plot.gather_bodies(u, u) if COMM.size == 1 else None, view.mesh
+        assert data.n_cells == (3**dim + 2**dim if dim == 2 else 6 * (9 + 4))
+        np.testing.assert_allclose(np.reshape(data.bounds, (3, 2))[dim - 1], (-0.5, 0.49))
+        if shapes is not None:
+            np.testing.assert_array_equal(data.cell_data["|u|"], shapes.values)
+        if "DISPLAY" in os.environ:
+            view.screenshot(file)
+            assert 0.05 < ink(file) < 0.9
+        view.close()
+    if dim == 2:
+        with pytest.raises(dc.InputError, match="plot.pressure"):
+            dc.plot.view(pair)
+        return
+    view = dc.plot.view(pair)
+    if view is not None:
+        data = view.mesh
+        assert data.n_cells == 9 * 16
+        # 0.01 on the height of 1, E = 200
+        assert data.cell_data["contact pressure"].mean() == pytest.approx(2, rel=0.1)
+        view.close()
 
 
 def test_input(solved, tmp_path):
