@@ -169,7 +169,6 @@ docs: install
 
 gallery: demo
 	$(PY) docs/figures.py
-	cp demos/pictures/*.png docs/pictures/
 
 # --- the source's looks ----------------------------------------------------------------------
 

@@ -180,7 +180,8 @@ if comm.rank == 0:
             axes.axvline(0, color="tab:red", linewidth=0.8, linestyle="-.")
         whole.set_xlim(-12, 12)
         whole.set_ylim(-2.5, 12)
-        whole.set_title(f"{title}: ‖u − Mu‖/‖u‖ = {found[key]:.1e}", fontsize=11)
+        size = "< 1e-12" if found[key] < 1e-12 else f"= {found[key]:.1e}"  # not round-off's digits
+        whole.set_title(f"{title}: ‖u − Mu‖/‖u‖ {size}", fontsize=11)
         top.set_xlim(-0.9, 0.9)
         top.set_ylim(9.7, 10.6)
         top.set_title("the top; dashed: the cord's mirror image", fontsize=10)

@@ -195,7 +195,7 @@ if comm.rank == 0:
         [1, 1], [268, 332], "C0", linewidth=6, alpha=0.3, label="literature, end of descent"
     )
     forces.set_ylabel("force [N]")
-    forces.legend(fontsize=8)
+    forces.legend(fontsize=8, loc=(0.35, 0.39))
     energies.set_ylim(-3, 3)
     energies.set_ylabel("work against energy [%]")
     energies.set_xlabel("way of the indenter: 1 down, then aside [mm]")

@@ -113,6 +113,8 @@ if comm.rank == 0:
         axes=axes,
     )
     axes.set(xscale="log", yscale="log")
+    axes.set_xticks(sizes, sizes)
+    axes.set_xticks([], minor=True)
     file = Path(__file__).parent / "pictures" / "sphere_on_block.png"
     file.parent.mkdir(exist_ok=True)
     figure.savefig(file, dpi=130)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The drawings of docs/mathematics.md, and the pictures that the code of other pages makes.
+"""The drawings of docs/mathematics.md, and the pictures that the code of other pages and demos make.
 
     python3 docs/figures.py       # writes into docs/pictures; part of `make gallery`
+
+Pictures that look as before are left: round-off changes the bytes of a file, if nothing else.
 """
 
 import os
@@ -20,8 +22,22 @@ SLAVE, MASTER, PARTICLE = "#4c78a8", "#e0a458", "#c0392b"
 ARROW = dict(arrowstyle="-|>", shrinkA=0, shrinkB=0, linewidth=1.3, mutation_scale=12)
 
 
+def put(file, name):
+    """A picture into docs/pictures, if it looks otherwise than the one that is there."""
+    there = DOCS / "pictures" / name
+    if there.exists():
+        old, new = plt.imread(there), plt.imread(file)
+        if old.shape == new.shape and np.abs(old - new).max() < 0.05:
+            return
+    there.write_bytes(Path(file).read_bytes())
+    print("new:", there)
+
+
 def save(figure, name):
-    figure.savefig(DOCS / "pictures" / f"{name}.png", dpi=100)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"{name}.png"
+        figure.savefig(file, dpi=100)
+        put(file, file.name)
     plt.close(figure)
 
 
@@ -205,7 +221,7 @@ def of_page(page, pictures):
             for code in re.findall(blocks, text, re.DOTALL | re.MULTILINE):
                 exec(code, names)
             for made, name in pictures.items():
-                (DOCS / "pictures" / name).write_bytes(Path(made).read_bytes())
+                put(made, name)
         finally:
             os.chdir(here)
 
@@ -220,3 +236,5 @@ if __name__ == "__main__":
         "tutorial.md", {f"{n}.png": f"tutorial_{n}.png" for n in ("shear", "ironing", "status")}
     )
     of_page("howto/pictures.md", {"both.png": "pictures_both.png"})
+    for file in sorted((DOCS.parent / "demos" / "pictures").glob("*.png")):
+        put(file, file.name)
