@@ -327,8 +327,8 @@ def view(
 ) -> Any:
     """Deformed bodies, or the pressure on a slave surface in 3D, in a scene of PyVista's. Collective.
 
-    ``show()`` of what is returned opens a window, or in a notebook a view that the mouse turns;
-    ``screenshot(file)`` writes a picture, and needs a display.
+    ``show()`` of what is returned opens a window, or in a notebook a view that the mouse turns, and
+    needs a display; ``show(screenshot=file)`` also writes a picture.
 
     Args:
         shown, field: as for bodies; or a pair that has been solved, whose pressure is shown

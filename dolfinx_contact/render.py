@@ -17,6 +17,7 @@ import numpy.typing as npt
 from .errors import ContactError
 
 _PIXELS = (1400, 1050)
+_LIGHT = dict(ambient=0.75, diffuse=0.3)  # mostly the colours of the bar, and some shape
 _BEHIND = (-0.75, -1.0, 0.65)  # where the camera is, seen from the middle
 
 
@@ -97,9 +98,8 @@ def scene(
         data.cell_data[label] = values
     plotter = pyvista.Plotter()
     plotter.set_background("white")
-    bar = dict(color="black")
-    shown = {} if values is None else dict(scalars=label, scalar_bar_args=bar)
-    plotter.add_mesh(data, show_edges=edges, **shown, **colours)
+    shown = {} if values is None else dict(scalars=label, scalar_bar_args=dict(color="black"))
+    plotter.add_mesh(data, show_edges=edges, **_LIGHT, **shown, **colours)
     plotter.add_axes(color="black")
     if flat:
         plotter.view_xy()
@@ -140,9 +140,8 @@ def _by_vtk(polygons: list[Any], colours: Any, edges: bool) -> Any:
     mapper, actor = vtk.vtkPolyDataMapper(), vtk.vtkActor()
     mapper.SetInputData(data)
     actor.SetMapper(mapper)
-    # mostly colours as they are beside the picture, and some light for shape
-    actor.GetProperty().SetAmbient(0.75)
-    actor.GetProperty().SetDiffuse(0.3)
+    actor.GetProperty().SetAmbient(_LIGHT["ambient"])
+    actor.GetProperty().SetDiffuse(_LIGHT["diffuse"])
     actor.GetProperty().SetEdgeVisibility(edges)
     actor.GetProperty().SetEdgeColor(0.2, 0.2, 0.2)
     scene, window = vtk.vtkRenderer(), vtk.vtkRenderWindow()
