@@ -10,7 +10,6 @@
 #include <array>
 #include <optional>
 #include <petscmat.h>
-#include <unordered_map>
 
 namespace dolfinx_contact
 {

@@ -67,23 +67,22 @@ void Assembler<D>::set_tool(std::shared_ptr<const RigidTool<D>> tool, std::vecto
   _tool_dofs = driven ? std::move(dofs) : std::vector<PetscInt>();
 }
 
-// Facets that share a vertex with each master facet.
+// Facets that share a vertex with each master facet, and so its node: the displacement is
+// continuous.
 template <int D>
 void Assembler<D>::neighbours()
 {
-  const int n = _master.size(), nv = _master.nv();
-  std::unordered_map<std::int64_t, std::vector<std::int32_t>> around;
-  for (int f = 0; f < n; ++f)
-    for (int v = 0; v < nv; ++v)
-      around[_master.vertices[f * nv + v]].push_back(f);
+  const int n = _master.size(), nu = _master.nu();
+  const FacetsAtNodes facets(_master);
   _near_offset.assign(1, 0);
+  _near_offset.reserve(n + 1);
   _near.clear();
   for (int f = 0; f < n; ++f)
   {
-    for (int v = 0; v < nv; ++v)
+    for (int i = f * nu; i < (f + 1) * nu; ++i)
     {
-      const auto& a = around[_master.vertices[f * nv + v]];
-      _near.insert(_near.end(), a.begin(), a.end());
+      const auto there = facets.at(_master.local[i]);
+      _near.insert(_near.end(), there.begin(), there.end());
     }
     std::sort(_near.begin() + _near_offset.back(), _near.end());
     _near.erase(std::unique(_near.begin() + _near_offset.back(), _near.end()), _near.end());

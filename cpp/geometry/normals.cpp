@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_map>
 
 namespace dolfinx_contact
 {
@@ -59,20 +58,17 @@ NodalNormals<D>::NodalNormals(const Surface& s, double crease)
 {
   const int n = s.size(), nv = s.nv();
   std::vector<Vector<D>> reference(n);
-  std::unordered_map<std::int64_t, std::vector<std::int32_t>> around;
   for (int f = 0; f < n; ++f)
-  {
     reference[f] = area_vector(s, s.facet_X(f), f).normalized();
-    for (int v = 0; v < nv; ++v)
-      around[s.vertices[f * nv + v]].push_back(f);
-  }
+  const FacetsAtNodes facets(s);
   // facets are in the order of their global numbers: the sums are the same on every partition
   const double least = std::cos(crease) - 1e-12;
   _offset.assign(1, 0);
   for (int f = 0; f < n; ++f)
     for (int v = 0; v < nv; ++v)
     {
-      for (const std::int32_t g : around[s.vertices[f * nv + v]])
+      // the first nodes are those of the vertices
+      for (const std::int32_t g : facets.at(s.local[static_cast<std::size_t>(f) * s.nu() + v]))
         if (g == f or reference[f].dot(reference[g]) >= least)
           _star.push_back(g);
       _offset.push_back(static_cast<std::int32_t>(_star.size()));

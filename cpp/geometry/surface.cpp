@@ -3,25 +3,84 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 
 namespace dolfinx_contact
 {
 
+namespace
+{
+
+/// Distinct numbers in order, and the place of each of `numbers` among them: with a bit for each
+/// number from the least to the largest, in linear time, unless they lie too far apart.
+void enumerate(std::span<const std::int64_t> numbers, std::vector<std::int64_t>& distinct,
+               std::vector<std::int32_t>& place)
+{
+  distinct.clear();
+  place.resize(numbers.size());
+  if (numbers.empty())
+    return;
+  const auto [least, largest] = std::minmax_element(numbers.begin(), numbers.end());
+  const auto from_least = [first = *least](std::int64_t n)
+  { return static_cast<std::uint64_t>(n) - static_cast<std::uint64_t>(first); };
+  const std::uint64_t words = from_least(*largest) / 64 + 1;
+  if (words > 4 * numbers.size())
+  {
+    distinct.assign(numbers.begin(), numbers.end());
+    std::sort(distinct.begin(), distinct.end());
+    distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
+    std::transform(numbers.begin(), numbers.end(), place.begin(),
+                   [&](std::int64_t n)
+                   {
+                     auto it = std::lower_bound(distinct.begin(), distinct.end(), n);
+                     return static_cast<std::int32_t>(it - distinct.begin());
+                   });
+    return;
+  }
+  std::vector<std::uint64_t> bits(words, 0);
+  for (const std::int64_t n : numbers)
+    bits[from_least(n) / 64] |= std::uint64_t(1) << from_least(n) % 64;
+  std::vector<std::int32_t> before(words); // numbers in the words before
+  std::int32_t count = 0;
+  for (std::uint64_t w = 0; w < words; ++w)
+  {
+    before[w] = count;
+    count += std::popcount(bits[w]);
+  }
+  distinct.reserve(count);
+  for (std::uint64_t w = 0; w < words; ++w)
+    for (std::uint64_t rest = bits[w]; rest != 0; rest &= rest - 1)
+      distinct.push_back(*least + static_cast<std::int64_t>(64 * w + std::countr_zero(rest)));
+  std::transform(numbers.begin(), numbers.end(), place.begin(),
+                 [&](std::int64_t n)
+                 {
+                   const std::uint64_t w = from_least(n) / 64, bit = from_least(n) % 64;
+                   const std::uint64_t lower = (std::uint64_t(1) << bit) - 1;
+                   return before[w] + std::popcount(bits[w] & lower);
+                 });
+}
+
+} // namespace
+
 void Surface::number_nodes()
 {
-  node_table = nodes;
-  std::sort(node_table.begin(), node_table.end());
-  node_table.erase(std::unique(node_table.begin(), node_table.end()), node_table.end());
-  local.resize(nodes.size());
-  std::transform(nodes.begin(), nodes.end(), local.begin(),
-                 [this](std::int64_t n)
-                 {
-                   auto it = std::lower_bound(node_table.begin(), node_table.end(), n);
-                   return static_cast<std::int32_t>(it - node_table.begin());
-                 });
+  enumerate(nodes, node_table, local);
   x = x_old = X;
+}
+
+FacetsAtNodes::FacetsAtNodes(const Surface& s)
+    : _offset(s.node_table.size() + 1, 0)
+    , _facets(s.local.size())
+{
+  for (const std::int32_t node : s.local)
+    ++_offset[node + 1];
+  std::partial_sum(_offset.begin(), _offset.end(), _offset.begin());
+  std::vector<std::int32_t> end(_offset.begin(), _offset.end() - 1); // of what is filled
+  for (std::size_t i = 0; i < s.local.size(); ++i)
+    _facets[end[s.local[i]]++] = static_cast<std::int32_t>(i / s.nu());
 }
 
 void Surface::place(std::span<const double> u, std::vector<double>& positions) const

@@ -93,6 +93,24 @@ private:
   void place(std::span<const double> u, std::vector<double>& positions) const;
 };
 
+/// Which facets have each node of a surface. Those that share a vertex share its node, since the
+/// displacement is continuous.
+class FacetsAtNodes
+{
+public:
+  /// @param s numbered by `number_nodes`
+  explicit FacetsAtNodes(const Surface& s);
+
+  /// Facets, ascending, at a node of `node_table`.
+  std::span<const std::int32_t> at(int node) const
+  {
+    return std::span(_facets).subspan(_offset[node], _offset[node + 1] - _offset[node]);
+  }
+
+private:
+  std::vector<std::int32_t> _offset, _facets;
+};
+
 /// Position and derivatives on a current (or reference) facet at one ξ.
 template <int D>
 struct FacetPoint

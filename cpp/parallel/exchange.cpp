@@ -53,18 +53,24 @@ void pack(const Surface& s, int f, bool candidate, int to, Parcels& parcels)
   reals.insert(reals.end(), s.facet_X(f), s.facet_X(f) + num_reals(s));
 }
 
+/// Append a facet to `s`.
+void append(std::int64_t id, std::int8_t sigma, std::uint8_t ends, bool candidate,
+            const std::int64_t* vertices, const std::int64_t* nodes, const double* X, Surface& s)
+{
+  s.id.push_back(id);
+  s.sigma.push_back(sigma);
+  s.ends.push_back(ends);
+  s.candidate.push_back(candidate);
+  s.vertices.insert(s.vertices.end(), vertices, vertices + s.nv());
+  s.nodes.insert(s.nodes.end(), nodes, nodes + s.nu());
+  s.X.insert(s.X.end(), X, X + num_reals(s));
+}
+
 /// Append one record to `s`.
 void unpack(const std::int64_t* ints, const double* reals, Surface& s)
 {
-  s.id.push_back(ints[0]);
-  s.sigma.push_back(static_cast<std::int8_t>(ints[1]));
-  s.ends.push_back(static_cast<std::uint8_t>(ints[2]));
-  s.candidate.push_back(static_cast<std::uint8_t>(ints[3]));
-  const std::int64_t* vertex = ints + 4;
-  s.vertices.insert(s.vertices.end(), vertex, vertex + s.nv());
-  const std::int64_t* node = vertex + s.nv();
-  s.nodes.insert(s.nodes.end(), node, node + s.nu());
-  s.X.insert(s.X.end(), reals, reals + num_reals(s));
+  append(ints[0], static_cast<std::int8_t>(ints[1]), static_cast<std::uint8_t>(ints[2]),
+         ints[3] != 0, ints + 4, ints + 4 + s.nv(), reals, s);
 }
 
 /// Which facets meet at a vertex.
@@ -266,11 +272,19 @@ Requests<D> request(MPI_Comm comm, std::span<const double> master_boxes,
   return out;
 }
 
-/// Send each rank the own facets that are within reach of its slave boxes, or in the ring of one
-/// that is: so each facet comes from its owner only, and once.
+/// An own facet that a rank needs, and whether that rank's slave may find a target on it.
+struct Chosen
+{
+  int facet;
+  bool candidate;
+};
+
+/// For each rank the own facets that are within reach of its slave boxes, or in the ring of one
+/// that is: so each facet comes from its owner only, and once. Collective.
 template <int D>
-Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
-                       std::span<const double> slave_boxes, std::span<const double> reach)
+std::vector<std::vector<Chosen>> select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
+                                                std::span<const double> slave_boxes,
+                                                std::span<const double> reach)
 {
   const int size = comm_size(comm);
   const std::vector<double> boxes = ringed.boxes();
@@ -279,7 +293,7 @@ Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
   // Facets that share a vertex share its node: the displacement is continuous
   std::vector<std::uint8_t> near(ringed.size()), at_near(ringed.node_table.size());
   std::vector<double> grown;
-  Parcels parcels(size);
+  std::vector<std::vector<Chosen>> chosen(size);
   for (int r = 0; r < size; ++r)
   {
     const int begin = requests.begin(r), end = requests.begin(r + 1);
@@ -297,29 +311,33 @@ Parcels select_targets(MPI_Comm comm, const Surface& ringed, int num_own,
         grown.push_back(box.hi[i] + margin);
     }
     const BoxTree<D> tree(grown);
+    int last = 0; // a slave box that was near
     std::fill(at_near.begin(), at_near.end(), 0);
     const std::int32_t* node = ringed.local.data();
     for (int f = 0; f < ringed.size(); ++f, node += ringed.nu())
     {
       const Box<D> box = BoxTree<D>::item_box(boxes, f);
-      near[f] = false;
-      tree.descend([&](const Box<D>& b, int) { return b.overlaps(box) ? 0.0 : INFINITY; },
-                   [&](int i)
-                   {
-                     near[f] = near[f]
-                               or box.within(requests.box(begin + i), requests.reach(begin + i));
-                     return near[f] ? -1.0 : 0.0; // −1: nothing improves on it, stop
-                   },
-                   0.0);
+      auto within
+          = [&](int i) { return box.within(requests.box(begin + i), requests.reach(begin + i)); };
+      near[f] = within(last); // facets one after the other are often neighbours
+      if (not near[f])
+        tree.descend([&](const Box<D>& b, int) { return b.overlaps(box) ? 0.0 : INFINITY; },
+                     [&](int i)
+                     {
+                       if (near[f] = near[f] or within(i); near[f])
+                         last = i;
+                       return near[f] ? -1.0 : 0.0; // −1: nothing improves on it, stop
+                     },
+                     0.0);
       if (near[f])
         std::for_each(node, node + ringed.nu(), [&](int a) { at_near[a] = true; });
     }
     node = ringed.local.data();
     for (int f = 0; f < num_own; ++f, node += ringed.nu())
       if (std::any_of(node, node + ringed.nu(), [&](int a) { return at_near[a]; }))
-        pack(ringed, f, near[f], r, parcels);
+        chosen[r].push_back({f, near[f] != 0});
   }
-  return parcels;
+  return chosen;
 }
 
 /// `distances` in D dimensions.
@@ -409,24 +427,48 @@ Surface with_targets(MPI_Comm comm, const Surface& ringed, int num_own,
                      std::span<const double> slave_boxes, std::span<const double> reach)
 {
   throw_together(comm, error_of(ringed, num_own, slave_boxes, reach));
-  const Parcels parcels = ringed.dim == 2
-                              ? select_targets<2>(comm, ringed, num_own, slave_boxes, reach)
-                              : select_targets<3>(comm, ringed, num_own, slave_boxes, reach);
+  const std::vector<std::vector<Chosen>> chosen
+      = ringed.dim == 2 ? select_targets<2>(comm, ringed, num_own, slave_boxes, reach)
+                        : select_targets<3>(comm, ringed, num_own, slave_boxes, reach);
+  const int size = comm_size(comm), rank = comm_rank(comm);
+  Parcels parcels(size);
+  for (int r = 0; r < size; ++r)
+    for (const Chosen& c : chosen[r])
+      if (r != rank) // this rank's own facets do not travel
+        pack(ringed, c.facet, c.candidate, r, parcels);
   const Mail<std::int64_t> ints = all_to_all(comm, parcels.ints);
   const Mail<double> reals = all_to_all(comm, parcels.reals);
 
   Surface out;
   out.dim = ringed.dim;
   out.ref = ringed.ref;
-  const std::size_t width = num_ints(out);
-  std::vector<std::pair<std::int64_t, std::size_t>> order; // (id, record)
-  order.reserve(ints.data.size() / width);
+  const std::size_t own = chosen[rank].size(), width = num_ints(out),
+                    all = own + ints.data.size() / width;
+  std::vector<std::pair<std::int64_t, std::size_t>> order; // (id, own facet, or `own` + record)
+  order.reserve(all);
+  for (const Chosen& c : chosen[rank])
+    order.emplace_back(ringed.id[c.facet], order.size());
   for (std::size_t k = 0; k < ints.data.size() / width; ++k)
-    order.emplace_back(ints.data[k * width], k);
+    order.emplace_back(ints.data[k * width], own + k);
   if (not std::is_sorted(order.begin(), order.end()))
     std::sort(order.begin(), order.end());
+  out.id.reserve(all);
+  out.sigma.reserve(all);
+  out.ends.reserve(all);
+  out.candidate.reserve(all);
+  out.vertices.reserve(all * out.nv());
+  out.nodes.reserve(all * out.nu());
+  out.X.reserve(all * num_reals(out));
   for (const auto& [id, k] : order)
-    unpack(&ints.data[k * width], &reals.data[k * num_reals(out)], out);
+    if (k < own)
+    {
+      const auto [f, candidate] = chosen[rank][k];
+      append(id, ringed.sigma[f], ringed.ends[f], candidate,
+             &ringed.vertices[static_cast<std::size_t>(f) * out.nv()],
+             &ringed.nodes[static_cast<std::size_t>(f) * out.nu()], ringed.facet_X(f), out);
+    }
+    else
+      unpack(&ints.data[(k - own) * width], &reals.data[(k - own) * num_reals(out)], out);
   out.number_nodes();
   return out;
 }

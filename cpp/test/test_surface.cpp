@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <limits>
 #include <numbers>
+#include <set>
 
 using namespace dolfinx_contact;
 using namespace dolfinx_contact::test;
@@ -239,4 +241,32 @@ TEST_CASE("Surface: diameters, vertices and edges of known facets")
     ++count[v[1]];
   }
   REQUIRE(count == std::vector<int>(s.nv(), 2));
+}
+
+TEST_CASE("Surface: nodes are counted off, however far apart their numbers are")
+{
+  std::mt19937_64 random(8);
+  constexpr std::int64_t largest = std::numeric_limits<std::int64_t>::max();
+  // 300 nodes of triangles; 300 × 4 × 64 is where numbers begin to be far apart
+  for (const std::int64_t range : {std::int64_t(1), std::int64_t(64), std::int64_t(1000),
+                                   std::int64_t(76799), std::int64_t(76801), largest})
+    for (const std::int64_t first : {std::int64_t(0), std::int64_t(63), largest - range + 1})
+    {
+      CAPTURE(range, first);
+      Surface s;
+      s.dim = 3;
+      s.ref = Element{Shape::triangle, 1, 1}.ref();
+      for (int i = 0; i < 300; ++i)
+        s.nodes.push_back(first + static_cast<std::int64_t>(random() % range));
+      s.nodes[7] = first; // both ends of the range
+      s.nodes[100] = first + (range - 1);
+      s.number_nodes();
+      const std::set<std::int64_t> distinct(s.nodes.begin(), s.nodes.end());
+      REQUIRE(s.node_table == std::vector<std::int64_t>(distinct.begin(), distinct.end()));
+      for (std::size_t i = 0; i < s.nodes.size(); ++i)
+        REQUIRE(s.node_table[s.local[i]] == s.nodes[i]);
+    }
+  Surface none;
+  none.number_nodes();
+  REQUIRE(none.node_table.empty());
 }
