@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import faulthandler
 import signal
+import tempfile
 import threading
 from contextlib import contextmanager
 from typing import Any, Callable, Iterator
@@ -24,7 +25,8 @@ from mpi4py import MPI
 # -- the time-out -------------------------------------------------------------------------------
 
 _GRACE = 2.0  # seconds in which all ranks tell where they are before the first one ends the job
-_TELL = getattr(signal, "SIGRTMAX", signal.SIGTERM)  # on which a rank writes where it is
+_TELL = getattr(signal, "SIGRTMAX", signal.SIGTERM)  # on which a rank writes where it is, here:
+_where: Any = None  # a file
 
 _limit = 0.0  # seconds; 0: none
 _armed = False
@@ -49,13 +51,14 @@ def timeout(seconds: float | None) -> None:
     """
     from .checks import number  # which needs errors, which need this module
 
-    global _limit
+    global _limit, _where
     allowed = "a positive number of seconds, or None for no limit"
     if seconds is not None:
         number("timeout", "seconds", seconds, allowed, lambda s: 0 < s < np.inf)
     _limit = 0.0 if seconds is None else float(seconds)
-    if _limit:
-        faulthandler.register(_TELL, file=2, all_threads=False)
+    if _limit and _where is None:
+        _where = tempfile.TemporaryFile()
+        faulthandler.register(_TELL, file=_where, all_threads=False)
     _arm()
 
 
@@ -87,7 +90,7 @@ def _arm() -> None:
         f"\n[rank {world.rank} of {world.size}] dolfinx_contact: no end of {' > '.join(_stages)!r} within"
         f" {_limit:g} s; another rank has failed, hangs, or is elsewhere. This one is here:\n"
     )
-    _cpp.watch(_limit if _stages else 0.0, text, int(_TELL), _GRACE)
+    _cpp.watch(_limit if _stages else 0.0, text, int(_TELL), _where.fileno(), _GRACE)
     _armed = _limit > 0
 
 

@@ -219,7 +219,8 @@ PYBIND11_MODULE(_cpp, m)
   declare_matrices(m);
   // The first one registers all, under PETSc's class "dolfinx_contact".
   m.def("register_log_events", [] { log_event(Event::search); });
-  m.def("watch", &watch, py::arg("seconds"), py::arg("text"), py::arg("signal"), py::arg("grace"));
+  m.def("watch", &watch, py::arg("seconds"), py::arg("text"), py::arg("signal"), py::arg("file"),
+        py::arg("grace"));
   declare_tools(m);
   declare_assemblers(m);
   declare_material(m);

@@ -22,7 +22,7 @@ struct Watched
   Clock::time_point end;
   std::string text;
   pthread_t thread;
-  int signal;
+  int signal, file;
   std::chrono::duration<double> grace;
 };
 
@@ -43,10 +43,20 @@ void say(const std::string& text)
   }
 }
 
+std::string content(int file)
+{
+  std::string out;
+  char buffer[4096];
+  for (ssize_t n; file >= 0 and (n = ::pread(file, buffer, sizeof(buffer), std::ssize(out))) > 0;)
+    out.append(buffer, static_cast<std::size_t>(n));
+  return out;
+}
+
 [[noreturn]] void end_job(const Watched& w)
 {
-  say(w.text);
   pthread_kill(w.thread, w.signal);
+  std::this_thread::sleep_for(std::chrono::milliseconds(500)); // its handler takes less
+  say(w.text + content(w.file));
   std::this_thread::sleep_for(w.grace);
   // should MPI wait for a lock of the thread that hangs, this ends the process all the same
   std::thread(
@@ -79,7 +89,7 @@ void run()
 }
 } // namespace
 
-void watch(double seconds, const std::string& text, int signal, double grace)
+void watch(double seconds, const std::string& text, int signal, int file, double grace)
 {
   const std::lock_guard lock(mutex);
   if (seconds > 0)
@@ -88,7 +98,11 @@ void watch(double seconds, const std::string& text, int signal, double grace)
     static_cast<void>(started);
     const auto time
         = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
-    watched = Watched{Clock::now() + time, text, pthread_self(), signal,
+    watched = Watched{Clock::now() + time,
+                      text,
+                      pthread_self(),
+                      signal,
+                      file,
                       std::chrono::duration<double>(grace)};
   }
   else

@@ -11,13 +11,15 @@ namespace dolfinx_contact
 {
 /// Begin to wait, from now, in place of what was waited for before; or stop waiting.
 ///
-/// When the time is over, the thread writes a text to the standard error, sends the calling thread
-/// a signal (whose handler may tell where that is), gives the other ranks the time to do the same,
-/// and aborts MPI.
+/// When the time is over, the thread sends the calling thread a signal, whose handler writes to a
+/// file where that is; writes the text and the file to the standard error, at once, so that ranks
+/// do not write between each other's lines; gives the other ranks the time to do the same; and
+/// aborts MPI.
 ///
 /// @param seconds after which the job ends; 0: never
 /// @param text to write
 /// @param signal to send to the thread that has called
-/// @param grace seconds between the signal and the end
-void watch(double seconds, const std::string& text, int signal, double grace);
+/// @param file descriptor of what the handler writes; −1: there is none
+/// @param grace seconds between the message and the end
+void watch(double seconds, const std::string& text, int signal, int file, double grace);
 } // namespace dolfinx_contact
