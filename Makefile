@@ -25,7 +25,7 @@ export OMP_NUM_THREADS MPLBACKEND OMPI_ALLOW_RUN_AS_ROOT OMPI_ALLOW_RUN_AS_ROOT_
   OMPI_MCA_rmaps_base_oversubscribe PRTE_MCA_rmaps_default_mapping_policy PRTE_MCA_mapby \
   OMPI_MCA_btl_vader_single_copy_mechanism
 
-.PHONY: help demo test install packages ctest pytest-1 pytest-2 pytest-3 test-debian test-sanitize tidy \
+.PHONY: help demo test install packages all-packages ctest pytest-1 pytest-2 pytest-3 test-debian test-sanitize tidy \
   bench bench-solvers robustness faults docs gallery format check-format clean
 .NOTPARALLEL:
 
@@ -60,9 +60,20 @@ demo: install
 	$(PY) demos/indentation.py
 	$(PY) demos/elastoplastic_sphere.py
 
-test: install ctest pytest-1 pytest-2 pytest-3
+# The C++ tests are compiled on the other cores while the Python tests run on one. A failure of one
+# stage leaves the others to tell of theirs.
+test: install
+	@log=$(BUILD)/compile.log; failed=; \
+	nice cmake --build $(BUILD) --target contact_tests >$$log 2>&1 & compile=$$!; \
+	$(MAKE) INSTALLED=1 pytest-1 || failed="$$failed pytest-1"; \
+	wait $$compile || cat $$log; \
+	for s in ctest pytest-2 pytest-3; do $(MAKE) INSTALLED=1 $$s || failed="$$failed $$s"; done; \
+	test -z "$$failed" || { echo "make test failed in$$failed"; exit 1; }
 
 # --- set-up ----------------------------------------------------------------------------------
+
+all-packages: PACKAGES += $(DOCS_PACKAGES) $(TIDY_PACKAGES)
+all-packages: packages
 
 # Installs what is missing of packages.debian; elsewhere than on Debian leaves it to the user.
 packages:
@@ -94,7 +105,7 @@ ctest: packages $(BUILD)/build.ninja
 	cd $(BUILD) && timeout --foreground -k 10 $(TIMEOUT) ctest --output-on-failure --no-tests=error </dev/null
 
 # One process prints (tests/conftest.py); a failure of any, or a hang, fails the target.
-pytest-1 pytest-2 pytest-3: pytest-%: install
+pytest-1 pytest-2 pytest-3: pytest-%: $(if $(INSTALLED),,install)
 	timeout --foreground -k 10 $(TIMEOUT) mpirun -n $* $(PY) -m pytest -q --color=no -p no:cacheprovider --durations=12 $(TESTS) </dev/null
 
 # In a root file system of another Debian release, made once in ROOTS; see .ci/debian.
@@ -125,7 +136,7 @@ test-sanitize: packages
 
 # Headers are seen through the files that include them. TIDY: some of the library's files
 TIDY ?= $(wildcard cpp/*/*.cpp)
-tidy: PACKAGES += clang-tidy
+tidy: PACKAGES += $(TIDY_PACKAGES)
 tidy: packages $(BUILD)/build.ninja
 	printf '%s\n' $(filter-out cpp/test/% cpp/bench/%,$(TIDY)) | xargs -P 2 -n 1 clang-tidy -p $(BUILD) --quiet
 
@@ -162,7 +173,7 @@ faults: install
 # --- documentation ---------------------------------------------------------------------------
 
 # Sphinx is for the documentation only. Every warning is an error.
-docs: PACKAGES += python3-sphinx python3-myst-parser python3-sphinx-rtd-theme libjs-mathjax
+docs: PACKAGES += $(DOCS_PACKAGES)
 docs: install
 	$(PY) -m sphinx -q -W --keep-going -d $(BUILD)/docs-cache docs $(BUILD)/docs
 	@echo "Open $(BUILD)/docs/index.html"

@@ -8,6 +8,7 @@ of their own failures, at once. Whoever hangs shows where and ends the whole job
 import faulthandler
 import io
 import os
+import re
 import sys
 import time
 from pathlib import Path
@@ -23,21 +24,14 @@ sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != root]
 test_timeout = float(os.environ.get("CONTACT_TEST_TIMEOUT", 400))
 failure_timeout = min(60.0, test_timeout / 2)
 
-#: Modules about what one process does, texts, pictures and materials, or whose parallel side two ranks
-#: show as well as three: where ranks outnumber the cores they would take half of the time.
-UP_TO_TWO_RANKS = {
-    *(
-        "bad_input",
-        "benchmarks",
-        "convergence",
-        "demos",
-        "docs",
-        "docstrings",
-        "infsup",
-        "locking",
-    ),
-    *("materials", "memory", "mixed", "msh", "plot", "quadrature"),
+#: Modules that one process, or two, show as well as three do: where ranks outnumber the cores, the others
+#: alone take minutes. Tests whose names tell of ranks or partitions run on any number.
+ENOUGH = {
+    1: "benchmarks convergence docs docstrings infsup locking materials memory quadrature report",
+    2: "bad_input demos driven errors faults mixed msh output plasticity plot segments strategy"
+    " tangent tools true_pressure",
 }
+ABOUT_RANKS = re.compile("parallel|serial|distributed|partition|ranks")
 
 comm = MPI.COMM_WORLD.Dup()
 stderr = sys.stderr
@@ -51,9 +45,13 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    if comm.size <= 2:
-        return
-    left = [i for i in items if i.path.stem.removeprefix("test_") in UP_TO_TWO_RANKS]
+    enough = {module: n for n, modules in ENOUGH.items() for module in modules.split()}
+    left = [
+        i
+        for i in items
+        if comm.size > enough.get(i.path.stem.removeprefix("test_"), comm.size)
+        and not ABOUT_RANKS.search(i.originalname)
+    ]
     items[:] = [i for i in items if i not in left]
     config.hook.pytest_deselected(items=left)
 
