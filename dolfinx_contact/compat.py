@@ -138,7 +138,10 @@ def create_mesh(
         options["partitioner"] = _partitioner(ranks, offsets)
     if _OLD:
         shape = ufl.Cell(cell, geometric_dimension=gdim)
-        domain = ufl.Mesh(ufl.VectorElement("Lagrange", shape, degree, dim=gdim))
+        # FFCx would choose this variant as it compiles the first form, and test functions made before
+        # that would no longer be those made after it
+        element = ufl.FiniteElement("Lagrange", shape, degree, variant="equispaced")
+        domain = ufl.Mesh(ufl.VectorElement(element, dim=gdim))
         rows = _cpp.graph.AdjacencyList_int64(cells)
         return _mesh.create_mesh(comm, rows, points, domain, **options)
     import basix.ufl

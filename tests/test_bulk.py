@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 import ufl
@@ -131,3 +133,15 @@ def test_coupled_unknowns(partition):
         else:  # nodes away from the interfaces
             far = np.abs(numbering.points[numbering.position[dofs], 1]) > 0.3
             assert far.any() and relative(value[far], parts[far]) < 4 * EPS
+
+
+def test_forms_can_grow_after_they_were_compiled():
+    """FFCx of DOLFINx 0.5 changes a mesh's coordinate element with the first form that it compiles."""
+    mesh, _ = meshes.create(COMM, [meshes.grid((3, 2), cell="triangle")])
+    V = compat.vector_space(mesh, 1)
+    new = COMM.bcast(time.time())  # a form that has never been compiled
+    F = new * ufl.inner(ufl.grad(fem.Function(V)), ufl.grad(ufl.TestFunction(V))) * ufl.dx
+    fem.form(F)
+    F -= ufl.TestFunction(V)[0] * ufl.ds
+    assert len(F.arguments()) == 1
+    fem.form(F)
