@@ -9,6 +9,8 @@ TESTS ?= tests
 
 SUDO := $(if $(filter-out 0,$(shell id -u)),sudo)
 PACKAGES := $(shell sed 's/\#.*//' packages.debian)
+DOCS_PACKAGES := python3-sphinx python3-myst-parser python3-sphinx-rtd-theme libjs-mathjax
+TIDY_PACKAGES := clang-tidy
 CPP_FILES = $(shell find cpp -name '*.h' -o -name '*.cpp')
 
 # One BLAS thread a process; pictures go to files; more ranks than cores are welcome, whatever the
