@@ -79,12 +79,11 @@ void run()
   std::unique_lock lock(mutex);
   while (true)
   {
-    if (not watched)
-      changed.wait(lock);
-    else if (Clock::now() >= watched->end)
+    changed.wait(lock, [] { return watched.has_value(); });
+    const Clock::time_point end = watched->end;
+    if (Clock::now() >= end)
       end_job(*watched);
-    else
-      changed.wait_until(lock, watched->end);
+    changed.wait_until(lock, end, [end] { return not watched or watched->end != end; });
   }
 }
 } // namespace
