@@ -62,8 +62,8 @@ demo: install
 	$(PY) demos/indentation.py
 	$(PY) demos/elastoplastic_sphere.py
 
-# The C++ tests are compiled on the other cores while the Python tests run on one. A failure of one
-# stage leaves the others to tell of theirs.
+# The C++ tests are compiled, with low priority, while the Python tests run on one rank. A failure of
+# one stage leaves the others to tell of theirs.
 test: install
 	@log=$(BUILD)/compile.log; failed=; \
 	nice cmake --build $(BUILD) --target contact_tests >$$log 2>&1 & compile=$$!; \

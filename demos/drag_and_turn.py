@@ -190,7 +190,7 @@ for step in dc.LoadStepping(problem, apply, step=0.05, progress=False):
                 limit[p.status == "stick"].sum() / limit.sum(),
                 power / (limit @ np.linalg.norm(p.slip, axis=1)),
                 *(inner, outer, work, energy, dissipated),
-                *(unbalanced / load[2], 0 if args.mesh else coulomb(p) / load[2]),
+                *(unbalanced / load[2], np.nan if args.mesh else coulomb(p) / load[2]),
             )
         )
         print(

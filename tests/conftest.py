@@ -52,7 +52,8 @@ def pytest_collection_modifyitems(config, items):
         if comm.size > enough.get(i.path.stem.removeprefix("test_"), comm.size)
         and not ABOUT_RANKS.search(i.originalname)
     ]
-    items[:] = [i for i in items if i not in left]
+    gone = {id(i) for i in left}
+    items[:] = [i for i in items if id(i) not in gone]
     config.hook.pytest_deselected(items=left)
 
 
