@@ -205,9 +205,8 @@ class NewtonLoop:
         heed(system.comm, "solve")
         reasons = PETSc.SNES.ConvergedReason
         bulk, contact = system.norms(snes.getFunction()[0])
-        report.add(bulk, contact, system.changes)
-        if it > 0:
-            report.linear.append(snes.getKSP().getIterationNumber())
+        linear = snes.getKSP().getIterationNumber() if it > 0 else None
+        report.add(bulk, contact, system.changes, linear)
         log.info(
             "iteration %d: bulk %.3e, contact %.3e; %s",
             *(it, bulk, contact, told(system.changes)),

@@ -31,9 +31,8 @@ class Report:
         reason: name of PETSc's SNES reason
         iterations: number of linear solves
         reference: force that residuals are compared to [force]
-        lines: before each linear solve and at the end, two norms of the residual and five numbers of
-            particles, see ``add``; flat
-        linear: iterations of KSP in each linear solve
+        forces: before each linear solve and at the end, two norms of the residual, see ``add``; flat
+        counts: likewise, iterations of KSP before (-1: no linear solve), and particles by CHANGES; flat
         seconds: for the whole solve, residuals, Jacobians
     """
 
@@ -41,29 +40,28 @@ class Report:
     reason: str = ""
     iterations: int = 0
     reference: float = 0.0
-    lines: Any = ()
-    linear: Any = ()
+    forces: Any = ()
+    counts: Any = ()
     seconds: Any = (0.0,) * len(STAGES)
 
     def __post_init__(self) -> None:
-        self.lines = array("d", self.lines)
-        self.linear = array("i", self.linear)
+        self.forces = array("d", self.forces)
+        self.counts = array("i", self.counts)
         self.seconds = array("d", self.seconds)
 
     def _changes(self, name: str) -> list[int]:
-        return [int(n) for n in self.lines[2 + CHANGES.index(name) :: 2 + len(CHANGES)]]
+        return self.counts[1 + CHANGES.index(name) :: 1 + len(CHANGES)].tolist()
 
     @property
     def residuals(self) -> dict[str, list[float]]:
         """Norm of the residual before each linear solve and at the end, per block: "bulk" and
         "contact" [force]."""
-        width = 2 + len(CHANGES)
-        return {"bulk": self.lines[::width].tolist(), "contact": self.lines[1::width].tolist()}
+        return {"bulk": self.forces[::2].tolist(), "contact": self.forces[1::2].tolist()}
 
     @property
     def linear_iterations(self) -> list[int]:
         """Iterations of KSP in each linear solve, 1 for a direct solver."""
-        return self.linear.tolist()
+        return [n for n in self.counts[:: 1 + len(CHANGES)] if n >= 0]
 
     @property
     def time(self) -> dict[str, float]:
@@ -110,15 +108,19 @@ class Report:
         """Particles that changed between stick and slip."""
         return [a + b for a, b in zip(self.began_to_slip, self.began_to_stick)]
 
-    def add(self, bulk: float, contact: float, changes: Sequence[int]) -> None:
+    def add(
+        self, bulk: float, contact: float, changes: Sequence[int], linear: int | None = None
+    ) -> None:
         """Append a line.
 
         Args:
             bulk, contact: norms of the residual [force]
             changes: numbers of particles that opened, closed, began to slip, began to stick, and
                 slipped on in another direction, (5,)
+            linear: iterations of KSP that led here, None where no linear solve did
         """
-        self.lines.extend((bulk, contact, *changes))
+        self.forces.extend((bulk, contact))
+        self.counts.extend((-1 if linear is None else linear, *changes))
 
     def took(self, stage: str, seconds: float) -> None:
         """Add to a time.

@@ -43,6 +43,7 @@ public:
     _assembler.set_master(_pair.master, _dofs.master);
     if (setup.friction)
       _assembler.set_friction(friction_space());
+    _assembler.remember(_u_slave[0], _u_master);
     update();
     _assembler.begin_step(0); // everything touches: friction acts from the next update on
     if (setup.segments)
