@@ -83,6 +83,13 @@ def grids():
         yield f"read_msh: dim = {name}", Folder(
             lambda f, d=dim: meshes.read_msh(COMM, put(f / "a.msh", GOOD), d)
         )
+    for name, value in told([[1], "ab", 5, {"1": "block"}, {1.5: "block"}, {77: "block"}]):
+        yield f"read_msh: cells = {name}", Folder(
+            lambda f, v=value: meshes.read_msh(COMM, put(f / "a.msh", GOOD), 2, cells=v)
+        )
+        yield f"read_msh: facets = {name}", Folder(
+            lambda f, v=value: meshes.read_msh(COMM, put(f / "a.msh", GOOD), 2, facets=v)
+        )
     yield "read_msh: no such file", lambda: meshes.read_msh(COMM, "/no/such/file.msh", 2)
     yield "read_msh: no name", lambda: meshes.read_msh(COMM, None, 2)
     yield "read_msh: a folder", Folder(lambda f: meshes.read_msh(COMM, f, 2))

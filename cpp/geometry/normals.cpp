@@ -10,18 +10,18 @@ namespace dolfinx_contact
 void corner_basis(Shape shape, const double* xi, double* N, double (*dN)[4])
 {
   const double x = xi[0], y = shape == Shape::interval ? 0.0 : xi[1];
-  switch (shape)
+  if (shape == Shape::interval)
   {
-  case Shape::interval:
     N[0] = 1 - x, N[1] = x;
     dN[0][0] = -1, dN[0][1] = 1;
-    break;
-  case Shape::triangle:
+  }
+  else if (shape == Shape::triangle)
+  {
     N[0] = 1 - x - y, N[1] = x, N[2] = y;
     dN[0][0] = -1, dN[0][1] = 1, dN[0][2] = 0;
     dN[1][0] = -1, dN[1][1] = 0, dN[1][2] = 1;
-    break;
-  case Shape::quadrilateral:
+  }
+  else
     for (int j = 0; j < 2; ++j)
       for (int i = 0; i < 2; ++i)
       {
@@ -30,7 +30,6 @@ void corner_basis(Shape shape, const double* xi, double* N, double (*dN)[4])
         dN[0][2 * j + i] = (i ? 1 : -1) * b;
         dN[1][2 * j + i] = a * (j ? 1 : -1);
       }
-  }
 }
 
 // S_f. In 2D the chord, turned as τ; in 3D Σ_ab W_ab x_a × x_b / 2 with the skew matrix
