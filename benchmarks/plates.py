@@ -206,7 +206,7 @@ class Plates:
     def tangent(self) -> None:
         """With insertion, PETSc's end of it, and the check that the matrix has a place."""
         self.contact.assembler.pattern_holds()
-        self.contact.assembler.tangent(self.system.A.handle)
+        self.system.add_contact(self.system.A)
         self.system.A.assemble()
 
     # -- what is done once, or rarely -----------------------------------------------------------

@@ -255,13 +255,19 @@ class System:
             self._add_bulk(A, self.bcs)
             A.assemble()  # contact adds to its arrays
             self._scale_bulk(A)
-        with _assembled(A), together(self.comm, "contact tangent"):
-            for contact in self.contacts:
-                contact.assembler.tangent(A.handle)
-            for contact in self.contacts:
-                _add_diagonal(A, contact.held_rows(), 1.0)
+        self.add_contact(A)
+        for contact in self.contacts:
+            _add_diagonal(A, contact.held_rows(), 1.0)
         self.driven.tangent(A, self.contacts)
         A.assemble()
+
+    def add_contact(self, A: Any) -> None:
+        """Add the pairs' tangents to a matrix that is assembled. Collective."""
+        self._remote.zero()
+        with _assembled(A), together(self.comm, "contact tangent"):
+            for contact in self.contacts:
+                contact.assembler.tangent(A.handle, self._remote)
+        self._remote.send(A.handle)
 
     def _add_bulk(self, A: Any, bcs: Sequence[Any]) -> None:
         """Add the bulk's Jacobian; with conditions, 1 on the diagonal of the held rows."""
@@ -310,6 +316,7 @@ class System:
         pattern.allocate(A.handle)
         A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         pattern.fill(A.handle)
+        self._remote = pattern.remote_rows()  # what contact adds to the rows of other ranks
 
     def start(self, friction: bool = True) -> None:
         """Begin a step at the Functions' present values. Collective.

@@ -225,7 +225,7 @@ class Case:
         """Contact's part of the matrix, for the targets of the last residual. Collective."""
         A = self.system.A
         A.zeroEntries()
-        self.contact.assembler.tangent(A.handle)
+        self.system.add_contact(A)
         A.assemble()
         return self.numbering.dense(A)
 

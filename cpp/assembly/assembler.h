@@ -151,7 +151,10 @@ public:
 
   /// Add (F9) and (F13) to a matrix of the system (BlockAdder; the caller assembles it, if it can
   /// also before).
-  void tangent(Mat A) const;
+  /// @param remote of the pattern: takes what is for rows of other ranks; the caller sends it.
+  /// Null:
+  ///        PETSc does, as it assembles
+  void tangent(Mat A, RemoteRows* remote = nullptr) const;
 
   /// Places of all blocks wherever particles may couple: with their targets and the neighbours of
   /// these.

@@ -10,28 +10,6 @@
 namespace dolfinx_contact
 {
 
-void BlockAdder::Part::open(Mat part)
-{
-  PetscBool done = PETSC_FALSE;
-  check(MatGetRowIJ(part, 0, PETSC_FALSE, PETSC_FALSE, &rows, &offset, &columns, &done),
-        "MatGetRowIJ");
-  if (not done)
-    throw std::runtime_error("MatGetRowIJ: an AIJ matrix without rows");
-  A = part;
-  check(MatSeqAIJGetArray(A, &values), "MatSeqAIJGetArray");
-}
-
-void BlockAdder::Part::close()
-{
-  if (values)
-    check(MatSeqAIJRestoreArray(A, &values), "MatSeqAIJRestoreArray");
-  PetscBool done = PETSC_FALSE;
-  if (A)
-    check(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &rows, &offset, &columns, &done),
-          "MatRestoreRowIJ");
-  *this = {};
-}
-
 void BlockAdder::forget()
 {
   _head.clear();
@@ -39,86 +17,40 @@ void BlockAdder::forget()
   _data.clear();
 }
 
-void BlockAdder::open(Mat A)
+void BlockAdder::open(Mat A, RemoteRows* remote)
 {
   _matrix = A;
-  PetscBool seq = PETSC_FALSE, mpi = PETSC_FALSE, assembled = PETSC_FALSE;
-  check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(A), MATSEQAIJ, &seq), "open");
-  check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(A), MATMPIAIJ, &mpi), "open");
-  check(MatAssembled(A, &assembled), "MatAssembled");
-  Mat own = A, others = nullptr;
-  _others = nullptr;
-  if (mpi)
-    check(MatMPIAIJGetSeqAIJ(A, &own, &others, &_others), "MatMPIAIJGetSeqAIJ");
-  // Allocated anew, a matrix on several ranks gets new parts; its own state may be as before then
-  // (PETSc 3.22)
-  PetscObjectId id = 0;
-  PetscObjectState nonzeros = 0;
-  if (own)
-    check(PetscObjectGetId(reinterpret_cast<PetscObject>(own), &id), "PetscObjectGetId");
-  check(MatGetNonzeroState(A, &nonzeros), "MatGetNonzeroState");
-  // a matrix that has been assembled with this pattern has no gaps in its arrays, also after others
-  // have begun to add to it
-  const bool known = id == _id and nonzeros == _nonzeros;
-  _direct = (seq or mpi) and (assembled or known);
-  if (not _direct)
-    return;
-  if (not known)
+  _direct = _own.open(A);
+  if (_direct and (not _own.same() or remote != _remote))
     forget();
-  _id = id;
-  _nonzeros = nonzeros;
-
-  check(MatGetOwnershipRange(A, &_first, &_last), "MatGetOwnershipRange");
-  check(MatGetOwnershipRangeColumn(A, &_first_column, &_last_column), "MatGetOwnershipRange");
-  _num_others = 0;
-  if (mpi)
-  {
-    check(MatGetSize(others, nullptr, &_num_others), "MatGetSize");
-    _parts[1].open(others);
-  }
-  _parts[0].open(own);
+  _remote = remote;
 }
 
 void BlockAdder::close()
 {
-  if (not _matrix)
-    return;
-  for (Part& part : _parts)
-    part.close();
+  _own.close();
   _matrix = nullptr;
 }
 
-// Position of a run's first column, from the beginning of the row.
-PetscInt BlockAdder::place(int part, PetscInt row, PetscInt column, PetscInt length) const
+// Position of a run's first column from the beginning of a row, or −1.
+PetscInt BlockAdder::place(PetscInt row, PetscInt column, PetscInt length) const
 {
-  const Part& p = _parts[part];
-  PetscInt local = column - _first_column, last = local + length - 1;
-  if (part == 1)
-  {
-    const PetscInt* const end = _others + _num_others;
-    local = std::lower_bound(_others, end, column) - _others;
-    last = local + length - 1;
-    if (last >= _num_others or _others[local] != column or _others[last] != column + length - 1)
-      last = local = _num_others; // no row has it
-  }
-  const PetscInt *const begin = p.columns + p.offset[row], *const end
-                                                           = p.columns + p.offset[row + 1];
-  const PetscInt* const it = std::lower_bound(begin, end, local);
-  if (end - it < length or *it != local or it[length - 1] != last)
-    throw std::runtime_error("contact tangent: the matrix has no place for row "
-                             + std::to_string(_first + row) + ", columns from "
-                             + std::to_string(column) + "; its pattern is not that of the targets");
-  return it - begin;
+  const PetscInt remote = row - _own.size();
+  return remote < 0 ? _own.place(row, column, length) : _remote->place(remote, column, length);
 }
 
-// Description of a block: 1 if it has rows of other ranks, number of runs, number of groups of
+PetscScalar* BlockAdder::begin(int part, PetscInt row) const
+{
+  return row < _own.size() ? _own.values(part, row) : _remote->values(row - _own.size());
+}
+
+// Description of a block: 1 if it has rows for MatSetValues, number of runs, number of groups of
 // rows; for each run its first column in the block, its length and its part; for each group its
-// first row in the block, number of rows, first row in the parts, and the place of each run.
+// first row in the block, number of rows, the first one's number, and the place of each run.
 std::size_t BlockAdder::describe(std::span<const PetscInt> rows, std::span<const PetscInt> columns)
 {
   const std::size_t start = _data.size();
   _data.insert(_data.end(), {0, 0, 0});
-  const auto part = [&](PetscInt c) { return c < _first_column or c >= _last_column; };
   const PetscInt nc = columns.size(), nr = rows.size();
   for (PetscInt c = 0, length; c < nc; c += length)
   {
@@ -126,9 +58,9 @@ std::size_t BlockAdder::describe(std::span<const PetscInt> rows, std::span<const
     if (columns[c] < 0)
       continue;
     while (c + length < nc and columns[c + length] == columns[c] + length
-           and part(columns[c + length]) == part(columns[c]))
+           and _own.part(columns[c + length]) == _own.part(columns[c]))
       ++length;
-    _data.insert(_data.end(), {c, length, part(columns[c])});
+    _data.insert(_data.end(), {c, length, _own.part(columns[c])});
     ++_data[start + 1];
   }
   const PetscInt runs = _data[start + 1];
@@ -137,21 +69,29 @@ std::size_t BlockAdder::describe(std::span<const PetscInt> rows, std::span<const
   {
     if (rows[r] < 0)
       continue;
-    if (rows[r] < _first or rows[r] >= _last)
+    const bool remote = not _own.has(rows[r]);
+    if (remote and not _remote)
     {
       _data[start] = 1;
       continue;
     }
-    const PetscInt row = rows[r] - _first;
+    const PetscInt row = remote ? _own.size() + _remote->find(rows[r]) : rows[r] - _own.first();
     const std::size_t group = _data.size();
     _data.insert(_data.end(), {r, 1, row});
     for (PetscInt k = 0; k < runs; ++k)
     {
       const PetscInt* run = &_data[start + 3 + 3 * k];
-      _data.push_back(place(run[2], row, columns[run[0]], run[1]));
+      const bool there = not remote or row >= _own.size();
+      _data.push_back(there ? place(row, columns[run[0]], run[1]) : -1);
+      if (_data.back() < 0)
+        throw std::runtime_error("contact tangent: the matrix has no place for row "
+                                 + std::to_string(rows[r]) + ", columns from "
+                                 + std::to_string(columns[run[0]])
+                                 + "; its pattern is not that of the targets");
     }
     const bool joins = last > 0 and _data[last] + _data[last + 1] == r
                        and _data[last + 2] + _data[last + 1] == row
+                       and _own.has(rows[r - 1]) != remote
                        and std::equal(&_data[last + 3], &_data[last + 3] + runs, &_data[group + 3]);
     if (joins)
     {
@@ -176,8 +116,7 @@ void BlockAdder::fetch(const PetscInt* group, const PetscInt* run, PetscInt runs
     for (PetscInt i = 0; i < group[1]; ++i)
       for (PetscInt k = 0; k < runs; ++k)
       {
-        const Part& part = _parts[run[3 * k + 2]];
-        const PetscScalar* const to = part.values + part.offset[group[2] + i] + group[3 + k];
+        const PetscScalar* const to = begin(run[3 * k + 2], group[2] + i) + group[3 + k];
         for (PetscInt j = 0; j < run[3 * k + 1]; j += 8)
           __builtin_prefetch(to + j, 1);
       }
@@ -202,7 +141,7 @@ void BlockAdder::add(const Name& name, std::span<const PetscInt> rows,
   }
 
   const PetscInt* d = &_data[_entries[e].data];
-  const PetscInt remote = d[0], runs = d[1], groups = d[2];
+  const PetscInt stash = d[0], runs = d[1], groups = d[2];
   const PetscInt* const run = d + 3;
   const std::size_t width = columns.size();
   d = run + 3 * runs;
@@ -210,25 +149,23 @@ void BlockAdder::add(const Name& name, std::span<const PetscInt> rows,
   for (PetscInt g = 0; g < groups; ++g, d += 3 + runs)
     for (PetscInt i = 0; i < d[1]; ++i)
     {
-      PetscScalar* const begin[2]
-          = {_parts[0].values + _parts[0].offset[d[2] + i],
-             _parts[1].A ? _parts[1].values + _parts[1].offset[d[2] + i] : nullptr};
+      PetscScalar* const row[2] = {begin(0, d[2] + i), begin(1, d[2] + i)};
       const double* const from = values + (d[0] + i) * width;
       for (PetscInt k = 0; k < runs; ++k)
       {
         const PetscInt* const r = run + 3 * k;
-        PetscScalar* const to = begin[r[2]] + d[3 + k];
+        PetscScalar* const to = row[r[2]] + d[3 + k];
         for (PetscInt j = 0; j < r[1]; ++j)
           to[j] += from[r[0] + j];
       }
     }
-  if (not remote)
+  if (not stash)
     return;
-  _remote.assign(rows.begin(), rows.end());
-  for (PetscInt& r : _remote)
-    if (r >= _first and r < _last)
+  _stashed.assign(rows.begin(), rows.end());
+  for (PetscInt& r : _stashed)
+    if (_own.has(r))
       r = -1;
-  add_once(_remote, columns, values);
+  add_once(_stashed, columns, values);
 }
 
 void BlockAdder::add_once(std::span<const PetscInt> rows, std::span<const PetscInt> columns,

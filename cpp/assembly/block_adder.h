@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <cstdint>
-#include <petscmat.h>
+#include "remote_rows.h"
+
 #include <span>
 #include <vector>
 
@@ -11,8 +11,9 @@ namespace dolfinx_contact
 
 /// Adds the blocks of pairs of facets to a matrix. MatSetValues searches every column in every row,
 /// at each assembly anew; for AIJ matrices that are assembled, a block's places in the arrays of
-/// the rows of this rank are found once and kept as long as the pattern holds. Rows of other ranks,
-/// and matrices of other types, go through MatSetValues.
+/// the rows are found once and kept as long as the pattern holds: those of this rank's rows in the
+/// matrix, those of others' in a RemoteRows. Matrices of other types go through MatSetValues, and
+/// so do rows of other ranks if there is no RemoteRows.
 ///
 /// Consecutive columns are a run: a row that has them all has them side by side. Rows whose runs
 /// begin at the same distances from the rows' beginnings (those of one node, in general) share
@@ -30,8 +31,9 @@ public:
   void forget();
 
   /// The next blocks are for A. Between `open` and `close` nothing else may write to A.
+  /// @param remote takes what is for other ranks, and sends it after; null: MatSetValues does
   /// @throws std::runtime_error on an error of PETSc
-  void open(Mat A);
+  void open(Mat A, RemoteRows* remote = nullptr);
   void close();
 
   /// Add values, (rows, columns). Negative rows and columns are dropped.
@@ -44,16 +46,6 @@ public:
                 const double* values) const;
 
 private:
-  // The rows of this rank are [first, last); columns in `own` order if this rank owns them
-  struct Part
-  {
-    Mat A = nullptr;
-    PetscInt rows = 0;
-    const PetscInt *offset = nullptr, *columns = nullptr;
-    PetscScalar* values = nullptr;
-    void open(Mat part);
-    void close();
-  };
   struct Entry
   {
     int target, kind;
@@ -63,21 +55,18 @@ private:
 
   std::size_t describe(std::span<const PetscInt> rows, std::span<const PetscInt> columns);
   void fetch(const PetscInt* group, const PetscInt* run, PetscInt runs, PetscInt groups) const;
-  PetscInt place(int part, PetscInt row, PetscInt column, PetscInt length) const;
+  PetscInt place(PetscInt row, PetscInt column, PetscInt length) const;
+  PetscScalar* begin(int part, PetscInt row) const;
 
   Mat _matrix = nullptr;
-  bool _direct = false;            // _matrix has arrays to write to
-  PetscObjectId _id = 0;           // of the matrix whose places are kept
-  PetscObjectState _nonzeros = -1; // its pattern
-  PetscInt _first = 0, _last = 0, _first_column = 0, _last_column = 0;
-  const PetscInt* _others = nullptr; // columns of other ranks, ascending
-  PetscInt _num_others = 0;
-  Part _parts[2]; // of the matrix: columns of this rank, of others
+  bool _direct = false; // _matrix has arrays to write to
+  MatrixRows _own;
+  RemoteRows* _remote = nullptr; // its rows are numbered after the own ones
 
   std::vector<int> _head; // of each facet: its first entry, or −1
   std::vector<Entry> _entries;
   std::vector<PetscInt> _data;
-  std::vector<PetscInt> _remote; // work space
+  std::vector<PetscInt> _stashed; // work space
 };
 
 } // namespace dolfinx_contact

@@ -197,10 +197,10 @@ struct Assembler<D>::FieldSums
 };
 
 template <int D>
-void Assembler<D>::tangent(Mat A) const
+void Assembler<D>::tangent(Mat A, RemoteRows* remote) const
 {
   const Logged logged(Event::tangent);
-  _adder.open(A);
+  _adder.open(A, remote);
   try
   {
     if (_friction.nodes() > 0)
@@ -356,7 +356,7 @@ template void Assembler<3>::node_dofs(const std::vector<std::int32_t>&,
                                       const std::vector<PetscInt>&, std::vector<PetscInt>&) const;
 template void Assembler<2>::residual(::Vec) const;
 template void Assembler<3>::residual(::Vec) const;
-template void Assembler<2>::tangent(Mat) const;
-template void Assembler<3>::tangent(Mat) const;
+template void Assembler<2>::tangent(Mat, RemoteRows*) const;
+template void Assembler<3>::tangent(Mat, RemoteRows*) const;
 
 } // namespace dolfinx_contact

@@ -5,6 +5,7 @@
 #include "petsc_check.h"
 
 #include <array>
+#include <iterator>
 #include <utility>
 
 namespace dolfinx_contact
@@ -69,9 +70,23 @@ void Pattern::add_sparse(PetscInt first, PetscInt block_rows, std::span<const st
 
 void Pattern::finish()
 {
+  const int mine = _rows.size();
+  std::copy_if(_rows.data.begin(), _rows.data.end(), std::back_inserter(_remote),
+               [&](PetscInt row) { return not own(row); });
+  std::sort(_remote.begin(), _remote.end());
+  _remote.erase(std::unique(_remote.begin(), _remote.end()), _remote.end());
   send_rows();
   number_columns();
-  unite(blocks_of_rows());
+  _united = unite(blocks_of_rows(_rows.size(), _owned,
+                                 [&](PetscInt row) { return own(row) ? row - _start : -1; }),
+                  true);
+  const auto number = [&](PetscInt row)
+  {
+    const auto it = std::lower_bound(_remote.begin(), _remote.end(), row);
+    return own(row) ? -1 : static_cast<PetscInt>(it - _remote.begin());
+  };
+  _united_remote
+      = unite(blocks_of_rows(mine, static_cast<PetscInt>(_remote.size()), number), false);
   _rows = {};
   _columns = {};
 }
@@ -140,26 +155,35 @@ void Pattern::number_columns()
   }
 }
 
-Pattern::Lists<std::int32_t> Pattern::blocks_of_rows()
+// The first blocks' numbers, for each of some rows.
+// @param number of a global row among these, or −1
+template <typename Number>
+Pattern::Lists<std::int32_t> Pattern::blocks_of_rows(int num_blocks, PetscInt num_rows,
+                                                     Number number) const
 {
   Lists<std::int32_t> out;
   std::vector<std::size_t>& offset = out.offset;
-  offset.assign(_owned + 2, 0);
-  for (const PetscInt row : _rows.data)
-    if (own(row))
-      ++offset[row - _start + 2];
+  offset.assign(num_rows + 2, 0);
+  const std::size_t end = _rows.offset[num_blocks];
+  std::vector<PetscInt> numbers(end);
+  std::transform(_rows.data.begin(), _rows.data.begin() + end, numbers.begin(), number);
+  for (const PetscInt n : numbers)
+    if (n >= 0)
+      ++offset[n + 2];
   std::partial_sum(offset.begin(), offset.end(), offset.begin());
   out.data.resize(offset.back());
-  for (int b = 0; b < _rows.size(); ++b)
-    for (const PetscInt row : _rows[b])
-      if (own(row))
-        out.data[offset[row - _start + 1]++] = b;
+  for (int b = 0; b < num_blocks; ++b)
+    for (std::size_t k = _rows.offset[b]; k < _rows.offset[b + 1]; ++k)
+      if (numbers[k] >= 0)
+        out.data[offset[numbers[k] + 1]++] = b;
   offset.pop_back();
   return out;
 }
 
-void Pattern::unite(const Lists<std::int32_t>& blocks)
+// The union of the blocks' columns in each row; with the diagonal, if rows are this rank's.
+Pattern::Rows Pattern::unite(const Lists<std::int32_t>& blocks, bool diagonal) const
 {
+  Rows out;
   // per column: the last group that has a run from here, and the end of its longest one
   std::vector<PetscInt> group(_owned + _others.size(), -1), end(group.size());
   std::vector<PetscInt> firsts;
@@ -171,14 +195,15 @@ void Pattern::unite(const Lists<std::int32_t>& blocks)
     return after != runs.begin() and row < after[-1].first + after[-1].size;
   };
   bool shared = false; // the last group can have more rows
-  for (PetscInt row = 0; row < _owned; ++row)
+  for (PetscInt row = 0; row < blocks.size(); ++row)
   {
     const std::span<const std::int32_t> mine = blocks[row];
     if (shared)
       if (const auto last = blocks[row - 1];
-          std::equal(mine.begin(), mine.end(), last.begin(), last.end()) and has(row))
+          std::equal(mine.begin(), mine.end(), last.begin(), last.end())
+          and (not diagonal or has(row)))
         continue;
-    const PetscInt g = _united.size();
+    const PetscInt g = out.columns.size();
     const auto meet = [&](const Run& run)
     {
       if (std::exchange(group[run.first], g) != g)
@@ -204,29 +229,51 @@ void Pattern::unite(const Lists<std::int32_t>& blocks)
       for (const Run& run : _columns[b])
         meet(run);
     sweep();
-    shared = has(row);
+    shared = not diagonal or has(row);
     if (not shared)
     {
       meet({row, 1});
       sweep();
     }
-    _first.push_back(row);
-    _united.data.insert(_united.data.end(), runs.begin(), runs.end());
-    _united.close();
+    out.first.push_back(row);
+    out.columns.data.insert(out.columns.data.end(), runs.begin(), runs.end());
+    out.columns.close();
   }
-  _first.push_back(_owned);
+  out.first.push_back(blocks.size());
+  return out;
+}
+
+RemoteRows Pattern::remote_rows() const
+{
+  std::vector<PetscInt> columns;
+  std::vector<std::size_t> offset{0};
+  for (int g = 0; g < _united_remote.columns.size(); ++g)
+  {
+    const std::size_t begin = columns.size();
+    for (const Run& run : _united_remote.columns[g])
+      for (PetscInt c = run.first; c < run.first + run.size; ++c)
+        columns.push_back(global(c));
+    std::sort(columns.begin() + begin, columns.end());
+    const std::size_t size = columns.size() - begin;
+    for (PetscInt row = _united_remote.first[g]; row < _united_remote.first[g + 1]; ++row)
+      offset.push_back(begin + (row - _united_remote.first[g] + 1) * size);
+    for (std::size_t k = begin; columns.size() < offset.back(); ++k)
+      columns.push_back(columns[k]);
+  }
+  return {_comm, {_starts.begin(), _starts.end()}, _remote, std::move(offset), std::move(columns)};
 }
 
 void Pattern::allocate(Mat A) const
 {
   std::vector<PetscInt> own(_owned), other(_owned);
-  for (int g = 0; g < _united.size(); ++g)
+  for (int g = 0; g < _united.columns.size(); ++g)
   {
+    const PetscInt first = _united.first[g], last = _united.first[g + 1];
     PetscInt count[2] = {0, 0};
-    for (const Run& run : _united[g])
+    for (const Run& run : _united.columns[g])
       count[run.first >= _owned] += run.size;
-    std::fill(own.begin() + _first[g], own.begin() + _first[g + 1], count[0]);
-    std::fill(other.begin() + _first[g], other.begin() + _first[g + 1], count[1]);
+    std::fill(own.begin() + first, own.begin() + last, count[0]);
+    std::fill(other.begin() + first, other.begin() + last, count[1]);
   }
   // each does nothing to a matrix of the other type
   check(MatSeqAIJSetPreallocation(A, 0, own.data()), "MatSeqAIJSetPreallocation");
@@ -238,15 +285,15 @@ void Pattern::fill(Mat A) const
 {
   std::vector<PetscInt> columns;
   std::vector<PetscScalar> zeros;
-  for (int g = 0; g < _united.size(); ++g)
+  for (int g = 0; g < _united.columns.size(); ++g)
   {
     columns.clear();
-    for (const Run& run : _united[g])
+    for (const Run& run : _united.columns[g])
       for (PetscInt c = run.first; c < run.first + run.size; ++c)
-        columns.push_back(c < _owned ? _start + c : _others[c - _owned]);
+        columns.push_back(global(c));
     if (zeros.size() < columns.size())
       zeros.resize(columns.size(), 0.0);
-    for (PetscInt row = _start + _first[g]; row < _start + _first[g + 1]; ++row)
+    for (PetscInt row = _start + _united.first[g]; row < _start + _united.first[g + 1]; ++row)
       check(MatSetValues(A, 1, &row, columns.size(), columns.data(), zeros.data(), INSERT_VALUES),
             "MatSetValues (pattern)");
   }

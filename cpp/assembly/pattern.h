@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "remote_rows.h"
+
 #include <cstdint>
-#include <petscmat.h>
 #include <span>
 #include <vector>
 
@@ -44,6 +45,10 @@ public:
   /// @throws std::runtime_error on an error of PETSc
   void fill(Mat A) const;
 
+  /// Rows of other ranks, with the columns of the blocks that were added on this rank. After
+  /// `finish`.
+  RemoteRows remote_rows() const;
+
 private:
   // Consecutive columns; all of this rank or all of others
   struct Run
@@ -68,8 +73,21 @@ private:
   void add_run(PetscInt first, PetscInt size);
   void send_rows();
   void number_columns();
-  Lists<std::int32_t> blocks_of_rows();
-  void unite(const Lists<std::int32_t>& blocks);
+  PetscInt global(PetscInt column) const
+  {
+    return column < _owned ? _start + column : _others[column - _owned];
+  }
+
+  // Rows from first[g] to first[g + 1] have the columns of columns[g], in ascending order, in local
+  // numbers
+  struct Rows
+  {
+    std::vector<PetscInt> first;
+    Lists<Run> columns;
+  };
+  template <typename Number>
+  Lists<std::int32_t> blocks_of_rows(int num_blocks, PetscInt num_rows, Number number) const;
+  Rows unite(const Lists<std::int32_t>& blocks, bool diagonal) const;
 
   MPI_Comm _comm;
   PetscInt _owned, _start;
@@ -80,10 +98,9 @@ private:
   Lists<Run> _columns;
   std::vector<PetscInt> _others; // columns of other ranks, ascending; numbered after the own ones
 
-  // Own rows from _first[g] to _first[g + 1] have the columns of _united[g], in ascending order, in
-  // local numbers
-  std::vector<PetscInt> _first;
-  Lists<Run> _united;
+  Rows _united;                  // own rows
+  std::vector<PetscInt> _remote; // rows of other ranks that blocks of this one have, ascending
+  Rows _united_remote;
 };
 
 /// Largest absolute value in each owned row of an assembled matrix. Collective.

@@ -256,7 +256,11 @@ void declare_assembler(py::module_& m, const char* name)
       .def("mark", &A::mark)
       .def("recall", &A::recall)
       .def("residual", [](const A& a, std::uintptr_t b) { a.residual(reinterpret_cast<::Vec>(b)); })
-      .def("tangent", [](const A& a, std::uintptr_t mat) { a.tangent(reinterpret_cast<Mat>(mat)); })
+      .def(
+          "tangent",
+          [](const A& a, std::uintptr_t mat, RemoteRows* remote)
+          { a.tangent(reinterpret_cast<Mat>(mat), remote); },
+          py::arg("mat"), py::arg("remote") = py::none())
       .def("add_pattern", &A::add_pattern)
       .def("pattern_holds", &A::pattern_holds)
       .def("touching",

@@ -200,8 +200,11 @@ void declare_matrices(py::module_& m)
       .def("finish", &Pattern::finish)
       .def("allocate",
            [](const Pattern& p, std::uintptr_t mat) { p.allocate(reinterpret_cast<Mat>(mat)); })
-      .def("fill",
-           [](const Pattern& p, std::uintptr_t mat) { p.fill(reinterpret_cast<Mat>(mat)); });
+      .def("fill", [](const Pattern& p, std::uintptr_t mat) { p.fill(reinterpret_cast<Mat>(mat)); })
+      .def("remote_rows", &Pattern::remote_rows);
+  py::class_<RemoteRows>(m, "RemoteRows")
+      .def("zero", &RemoteRows::zero)
+      .def("send", [](RemoteRows& r, std::uintptr_t mat) { r.send(reinterpret_cast<Mat>(mat)); });
   m.def("largest_in_rows",
         [](std::uintptr_t mat)
         {

@@ -2,6 +2,7 @@
 //
 // Blocks added by kept places against MatSetValues, on all ranks of the run.
 #include "../assembly/block_adder.h"
+#include "../assembly/pattern.h"
 #include "../assembly/petsc_check.h"
 
 #include <catch2/catch.hpp>
@@ -81,8 +82,19 @@ double norm(Mat A)
   return out;
 }
 
+/// Rows of other ranks that the blocks have.
+RemoteRows remote_rows(PetscInt local, const std::vector<Block>& blocks)
+{
+  Pattern pattern(PETSC_COMM_WORLD, local);
+  for (const Block& b : blocks)
+    pattern.add(b.rows, b.columns);
+  pattern.finish();
+  return pattern.remote_rows();
+}
+
 /// Norm of the difference of the two ways to add the blocks `times` over.
-double difference(BlockAdder& adder, Mat A, const std::vector<Block>& blocks, int times)
+double difference(BlockAdder& adder, Mat A, const std::vector<Block>& blocks, int times,
+                  RemoteRows* remote = nullptr)
 {
   Mat B;
   check(MatDuplicate(A, MAT_COPY_VALUES, &B), "MatDuplicate");
@@ -90,7 +102,9 @@ double difference(BlockAdder& adder, Mat A, const std::vector<Block>& blocks, in
   std::uniform_real_distribution<double> number(-1, 1);
   for (int t = 0; t < times; ++t)
   {
-    adder.open(A);
+    if (remote)
+      remote->zero();
+    adder.open(A, remote);
     for (const Block& b : blocks)
     {
       std::vector<double> values(b.rows.size() * b.columns.size());
@@ -102,6 +116,8 @@ double difference(BlockAdder& adder, Mat A, const std::vector<Block>& blocks, in
             "MatSetValues");
     }
     adder.close();
+    if (remote)
+      remote->send(A);
     assemble(A);
     assemble(B);
   }
@@ -130,6 +146,62 @@ TEST_CASE("BlockAdder: the same as MatSetValues, again and again")
     REQUIRE(difference(adder, A, {all.rbegin(), all.rend()}, 1) <= 1e-12);
     check(MatDestroy(&A), "MatDestroy");
   }
+}
+
+TEST_CASE("RemoteRows: the same as MatSetValues, in one matrix and the other")
+{
+  int rank, size;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  MPI_Comm_size(PETSC_COMM_WORLD, &size);
+  const PetscInt local = 90 - 30 * (rank == 1), n = 90 * size - 30 * (size > 1);
+  const std::vector<Block> all = blocks(n, 30 + rank);
+  std::vector<Block> more = blocks(n, 40 + rank);
+  more.insert(more.end(), all.begin(), all.end());
+  RemoteRows remote = remote_rows(local, all);
+  REQUIRE((remote.size() > 0) == (size > 1));
+  Mat A = matrix(local, all), B = matrix(local, more);
+  BlockAdder adder;
+  REQUIRE(difference(adder, A, all, 2, &remote) <= 1e-12);
+  REQUIRE(difference(adder, B, all, 2, &remote) <= 1e-12); // its places are others
+  REQUIRE(difference(adder, A, all, 1, &remote) <= 1e-12);
+  REQUIRE(difference(adder, A, all, 1) <= 1e-12); // and as PETSc does it, again
+  check(MatDestroy(&A), "MatDestroy");
+  check(MatDestroy(&B), "MatDestroy");
+}
+
+TEST_CASE(
+    "RemoteRows: no place in the owner's rows is an error of all ranks, mended by another matrix")
+{
+  int rank, size;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  MPI_Comm_size(PETSC_COMM_WORLD, &size);
+  if (size == 1)
+  {
+    RemoteRows none = remote_rows(90, blocks(90, 1));
+    REQUIRE(none.size() == 0);
+    REQUIRE_NOTHROW(none.send(nullptr));
+    return;
+  }
+  const PetscInt n = 6 * size;
+  // each rank adds to the next one's first row; the last rank in a column that the row lacks
+  const std::vector<PetscInt> row{6 * ((rank + 1) % size)}, own{6 * rank + 1};
+  const std::vector<PetscInt> columns{0, n - 1 - (rank == size - 1)};
+  const Block there{{0, 0, 0}, row, {0}}, beside{{0, 0, 1}, row, columns},
+      mine{{1, 0, 0}, own, own};
+  RemoteRows remote = remote_rows(6, {beside});
+  const bool wrong = rank == size - 1;
+  Mat A = matrix(6, {wrong ? there : beside, mine}), B = matrix(6, {beside, mine});
+  BlockAdder adder;
+  REQUIRE_THROWS_AS(remote.send(A), std::invalid_argument);
+  REQUIRE(difference(adder, B, {beside, mine}, 2, &remote) <= 1e-12);
+  // a row that it does not have
+  adder.open(B, &remote);
+  const std::vector<PetscInt> other{6 * ((rank + 1) % size) + 2};
+  const double one = 1;
+  REQUIRE_THROWS_AS(adder.add({2, 0, 0}, other, own, &one), std::runtime_error);
+  adder.close();
+  check(MatDestroy(&A), "MatDestroy");
+  check(MatDestroy(&B), "MatDestroy");
 }
 
 TEST_CASE("BlockAdder: other columns of the same blocks after `forget`")
