@@ -38,7 +38,7 @@ def output():
 
     def scalar(f):
         s = scene()
-        writer(s, f, u=fem.Function(fem.FunctionSpace(s.mesh, ("Lagrange", 1))))
+        writer(s, f, u=fem.Function(dc.function_space(s.mesh, ("Lagrange", 1))))
 
     yield "Writer: u is a scalar", Folder(scalar)
     yield "Writer: a field of another mesh", Folder(

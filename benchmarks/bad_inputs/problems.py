@@ -26,7 +26,7 @@ def problems():
     forms = {
         "bilinear": lambda s: ufl.inner(du(s), s.w) * ufl.dx,
         "a functional": lambda s: ufl.inner(s.u, s.u) * ufl.dx,
-        "of another space": lambda s: ufl.TestFunction(fem.FunctionSpace(s.mesh, ("DG", 0)))
+        "of another space": lambda s: ufl.TestFunction(dc.function_space(s.mesh, ("DG", 0)))
         * ufl.dx,
         "of another mesh": lambda s: scene("triangle").F,
         "without u": lambda s: ufl.inner(ufl.as_vector((1.0, 0.0)), s.w) * ufl.dx,

@@ -53,7 +53,7 @@ def surfaces():
             ufl.VectorElement("Lagrange", s.mesh.ufl_cell(), 1),
             ufl.FiniteElement("Lagrange", s.mesh.ufl_cell(), 1),
         )
-        whole = fem.Function(fem.FunctionSpace(s.mesh, element))
+        whole = fem.Function(dc.function_space(s.mesh, element))
         dc.Surface(whole.sub(0), s.tags, SLAVE)
 
     yield "u is a part of a mixed function", mixed
