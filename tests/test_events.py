@@ -8,8 +8,8 @@ from petsc4py import PETSc
 from problems import taylor_blocks
 
 NAMES = (
-    *("ContactSearch", "ContactResidual", "ContactTangent", "ContactInsert", "ContactPattern"),
-    *("ContactExchange", "ContactAllocate", "BulkResidual", "BulkJacobian"),
+    *("ContactSearch", "ContactResidual", "ContactTangent", "ContactInsert", "ContactSend"),
+    *("ContactPattern", "ContactExchange", "ContactAllocate", "BulkResidual", "BulkJacobian"),
 )
 
 
@@ -39,6 +39,7 @@ def test_events():
         assert count[name] > report.iterations
     assert count["ContactSearch"] > count["ContactResidual"]
     assert count["ContactExchange"] >= 1 and count["ContactAllocate"] >= 1
+    assert count["ContactSend"] == (report.iterations if comm.size > 1 else 0)
     assert count["ContactPattern"] == count["ContactAllocate"]
     inserted = comm.allreduce(count["ContactInsert"])
     assert inserted > 0

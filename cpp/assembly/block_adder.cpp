@@ -114,12 +114,15 @@ void BlockAdder::fetch(const PetscInt* group, const PetscInt* run, PetscInt runs
 {
   for (PetscInt g = 0; g < groups; ++g, group += 3 + runs)
     for (PetscInt i = 0; i < group[1]; ++i)
+    {
+      const PetscScalar* const row[2] = {begin(0, group[2] + i), begin(1, group[2] + i)};
       for (PetscInt k = 0; k < runs; ++k)
       {
-        const PetscScalar* const to = begin(run[3 * k + 2], group[2] + i) + group[3 + k];
+        const PetscScalar* const to = row[run[3 * k + 2]] + group[3 + k];
         for (PetscInt j = 0; j < run[3 * k + 1]; j += 8)
           __builtin_prefetch(to + j, 1);
       }
+    }
 }
 
 void BlockAdder::add(const Name& name, std::span<const PetscInt> rows,

@@ -16,6 +16,7 @@ enum class Event
   residual,  ///< (F1)–(F3), with insertion into the vector
   tangent,   ///< (F9) and (F13), with insertion into the matrix
   insertion, ///< of finished blocks into the matrix, a part of `tangent`
+  sending,   ///< of entries in rows of other ranks
   pattern,   ///< places in the matrix wherever particles may couple
   count
 };
@@ -27,8 +28,8 @@ inline PetscLogEvent log_event(Event event)
 {
   static const std::array<PetscLogEvent, std::size_t(Event::count)> events = []
   {
-    const char* names[]
-        = {"ContactSearch", "ContactResidual", "ContactTangent", "ContactInsert", "ContactPattern"};
+    const char* names[] = {"ContactSearch", "ContactResidual", "ContactTangent",
+                           "ContactInsert", "ContactSend",     "ContactPattern"};
     PetscClassId contact;
     std::array<PetscLogEvent, std::size_t(Event::count)> out;
     check(PetscClassIdRegister("dolfinx_contact", &contact), "PetscClassIdRegister");

@@ -87,7 +87,9 @@ CellPoints<D> Assembler<D>::cells(int f, bool motion) const
   if (_options.rules.target == TargetRule::direction and not _options.rules.turning)
   {
     BasisValues b;
-    _slave.ref.position.tabulate(FacetProjection<D>::centre(_slave.ref.shape).data(), b);
+    double centre[2] = {};
+    Eigen::Map<Vector<D - 1>>{centre} = FacetProjection<D>::centre(_slave.ref.shape);
+    _slave.ref.position.tabulate(centre, b);
     e = given_direction(f, b, -1);
   }
   return Segments<D>(_particles.rule).points(_slave, f, _master, near, e, reach, motion);

@@ -2,6 +2,7 @@
 #include "remote_rows.h"
 
 #include "../parallel/mail.h"
+#include "events.h"
 
 #include <algorithm>
 #include <exception>
@@ -45,6 +46,7 @@ void RemoteRows::send(Mat A)
 {
   if (_starts.size() <= 2) // one rank
     return;
+  const Logged logged(Event::sending);
   std::string error;
   try
   {
