@@ -172,24 +172,24 @@ class Plates:
         self.u.x.array[:] = self._places[0]
 
     def bulk_residual(self) -> None:
-        compat.assemble_vector_local(self.system._F[0])
+        compat.assemble_vector_local(self.system.bulk.F[0])
 
     def bulk_jacobian(self) -> None:
         """With what PETSc does at the end of an assembly."""
         A = self.system.A
         A.zeroEntries()
-        self.system._add_bulk(A, self.system.bcs)
+        self.system.bulk.add(A, self.system.bulk.bcs)
         A.assemble()
 
     def dolfinx_alone(self) -> Callable[[], None]:
         """The bulk's assembly by DOLFINx's own functions into its own matrix: ours must not be
         slower, or contact would look cheap beside it."""
-        J, F = self.system._J[0][0], self.system._F[0]
+        J, F = self.system.bulk.J[0][0], self.system.bulk.F[0]
         A = petsc.create_matrix(J)
 
         def run() -> None:
             A.zeroEntries()
-            petsc.assemble_matrix(A, J, self.system.bcs)
+            petsc.assemble_matrix(A, J, self.system.bulk.bcs)
             A.assemble()
             petsc.assemble_vector(F).destroy()
 

@@ -50,7 +50,7 @@ class History:
             self._add_facets(f"{name}.particles", pair.slave, f"slave of {label}")
             if not pair.tools:
                 self._add_facets(f"{name}.master", pair.master, f"master of {label}")
-        for i, material in enumerate(problem.system.materials):
+        for i, material in enumerate(problem.system.bulk.materials):
             nodes = cell_nodes(material.mesh)
             midpoints = nodes.mean(axis=1)[material._cells]
             count = material.size // max(len(midpoints), 1)
@@ -89,7 +89,7 @@ class History:
                 f"{facets} slave facets on {master}, {pair.integration!r}, pressure"
                 f" {pair.pressure_space}, {friction}"
             )
-        for i, material in enumerate(self._problem.system.materials):
+        for i, material in enumerate(self._problem.system.bulk.materials):
             points = self._comm.allreduce(material.size)
             out[f"materials[{i}]"] = f"{type(material).__name__} at {points} points"
         return out
@@ -141,7 +141,7 @@ class History:
             if not pair.tools:
                 columns[f"pair{i}.master"]["id"] = pair.master.id
         with together(self._comm, "LoadStepping.save"):
-            for i, material in enumerate(problem.system.materials):
+            for i, material in enumerate(problem.system.bulk.materials):
                 columns[f"material{i}"] = material.state()
         out = {}
         for name, table in self._places.items():
@@ -246,7 +246,7 @@ class History:
             tool.rotation, tool.translation = np.array(R), np.array(c)
         system.driven.set_state([np.array(a) for a in figures["driven"]])
         system.set_measured(figures["system"])
-        for i, material in enumerate(system.materials):
+        for i, material in enumerate(system.bulk.materials):
             material.set_state(columns[f"material{i}"])
         for i, (pair, contact) in enumerate(zip(problem.pairs, system.contacts)):
             f = pair._multiplier

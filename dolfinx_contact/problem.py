@@ -12,13 +12,14 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from . import compat
+from .bulk import derivative
 from .checks import agreed
 from .errors import ConvergenceError, InputError, together
 from .pair import ContactPair
 from .quadrature import QuadratureLaw, check_materials
 from .report import Report
 from .strategy import FixedPoint, Newton
-from .system import System, derivative
+from .system import System
 from .watch import heed, postponed, stage
 
 

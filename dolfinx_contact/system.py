@@ -13,14 +13,12 @@ from contextlib import contextmanager
 from typing import Any, Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
-import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
-from ufl.algorithms import expand_derivatives
 
 from . import _cpp, compat, events
 from .bodies import Bodies
+from .bulk import Bulk, add_diagonal
 from .contact import PairAssembly
 from .driven import DrivenTools, driven_tools
 from .errors import ContactError, InputError, together
@@ -55,16 +53,14 @@ class System:
         bcs: Sequence[Any],
         materials: Sequence[QuadratureLaw] = (),
     ):
-        self.materials = list(materials)
-        self.u, self.pairs, self.bcs = list(u), list(pairs), list(bcs)
+        self.u, self.pairs = list(u), list(pairs)
         self.comm = u[0].function_space.mesh.comm
-        self._F = [compat.form(f) for f in F]
-        self._J = [[None if a is None else compat.form(a) for a in row] for row in J]
         frictional = [pair for pair in pairs if pair.frictional]
         self.functions = self.u + [pair._multiplier for pair in pairs]
         self.functions += [pair._semi_multiplier for pair in frictional]
         tools, dim = driven_tools(pairs), u[0].function_space.mesh.geometry.dim
         self.layout = Layout(self.comm, self.functions, bcs, 2 * dim * len(tools))
+        self.bulk = Bulk(F, u, J, bcs, materials, self.layout)
         self.driven = DrivenTools(tools, self.layout, len(self.functions))
         self.contacts = [
             PairAssembly(
@@ -80,11 +76,9 @@ class System:
         ]
         self._measured = False  # the units and stiffnesses that follow
         self.scale = [1.0] * len(self.functions)  # units of the unknowns
-        self._row_scale = [1.0] * len(self.u)
-        self._displacements = list(range(len(self.u)))  # blocks with rows that are forces
         self.parameters = Parameters(self.contacts)
         # largest force as the step began or now: iterates on the way may be far off
-        self.reference_force, self._first_force, self._force = 0.0, -1.0, 0.0
+        self.reference_force, self._first_force = 0.0, -1.0
         self.round_off = 0.0  # residual of bodies at rest that touch but for round-off [force]
         self.changes = np.zeros(5, dtype=int)  # see PairAssembly.update
         self.A: Any = None
@@ -92,10 +86,6 @@ class System:
         self.x = PETSc.Vec().createMPI((self.layout.owned, None), comm=self.comm)
         self.b = self.x.duplicate()
         self.allocations = 0  # new patterns of the matrix
-        self._maps = [
-            PETSc.LGMap().create(self.layout.local_dofs(i), comm=self.comm)
-            for i in range(len(self.u))
-        ]
         surfaces = []
         for i, pair in enumerate(pairs):
             for name, surface in (("slave", pair.slave), ("master", pair.master)):
@@ -142,12 +132,6 @@ class System:
         self.driven.set_state(values[-1])
         self.restore()
 
-    def _update_materials(self, again: bool = False) -> None:
-        """Stresses and tangents for the Functions' present values. Collective."""
-        for material in self.materials:
-            with events.MATERIAL:
-                material.update(again)
-
     # -- residual -------------------------------------------------------------------------------
 
     def residual(self, x: Any, b: Any, close: bool = False) -> None:
@@ -160,26 +144,16 @@ class System:
             close: apply the pairs' initial contact
         """
         self.write(x)
-        self._update_materials()
-        before = [u.x.array.copy() for u in self.u]
-        lift = any(self._violates_bcs(u) for u in self.u)
-        lift = self.comm.allreduce(lift, op=MPI.LOR)
-        self._force, self._finite = 0.0, True
-        with events.BULK_RESIDUAL:
-            parts = [self._bulk_residual(row, lift) for row in range(len(self.u))]
-        if not self._finite:  # maybe in held rows alone, which would hide it
+        self.bulk.update_materials()
+        rows = self.bulk.residual()
+        if rows is None:
             b.set(np.nan)
             return
         if self._first_force < 0:
-            self._first_force = self._force
-        self.reference_force = max(self._first_force, self._force)
-        for row, (u, part) in enumerate(zip(self.u, parts)):
-            compat.set_bc(u, self.bcs)
-            held = self.layout.held_mask(row)[: len(part)]
-            part[held] = (before[row] - u.x.array)[: len(part)][held]
-            part *= self._row_scale[row]
+            self._first_force = self.bulk.force
+        self.reference_force = max(self._first_force, self.bulk.force)
         b.zeroEntries()
-        b.array[: self.layout.offsets[len(self.u)]] = np.concatenate(parts)
+        b.array[: self.bulk.size] = rows
 
         self.changes = np.zeros(5, dtype=int)
         for pair, contact in zip(self.pairs, self.contacts):
@@ -191,7 +165,7 @@ class System:
 
     def norms(self, b: Any) -> tuple[float, float]:
         """Norms of the rows of the bulk and of contact [force]. Collective."""
-        rows, bulk = b.array_r, self.layout.offsets[len(self.u)]
+        rows, bulk = b.array_r, self.bulk.size
         squares = np.array([rows[:bulk] @ rows[:bulk], rows[bulk:] @ rows[bulk:]])
         bulk_norm, contact_norm = np.sqrt(self.comm.allreduce(squares))
         return float(bulk_norm), float(contact_norm)
@@ -207,34 +181,6 @@ class System:
             return False
         return self.driven.lack(b, self.round_off) <= rtol
 
-    def _violates_bcs(self, u: Any) -> bool:
-        """Whether a Dirichlet value of u is not met on this rank."""
-        values = u.x.array.copy()
-        compat.set_bc_array(values, self._bcs_of(self._block_of(u)))
-        return bool(np.any(values != u.x.array))
-
-    def _bulk_residual(self, row: int, lift: bool) -> npt.NDArray[Any]:
-        """Forces of one bulk block, owned entries; with `lift`, J (g − u) added for the Dirichlet
-        values g: the first Newton step then takes the bulk there along its tangent."""
-        forces = compat.assemble_vector_local(self._F[row])
-        norm = np.sqrt(self.comm.allreduce(float(forces @ forces)))
-        self._finite &= bool(np.isfinite(norm))
-        # reactions included: what residuals are compared to
-        if np.isfinite(norm) and row in self._displacements:
-            self._force = max(self._force, norm)
-        if lift:
-            columns = [j for j, a in enumerate(self._J[row]) if a is not None]
-            forces += compat.lifting(
-                self.u[row],
-                [self._J[row][j] for j in columns],
-                [self._bcs_of(j) for j in columns],
-                [self.u[j].x.array for j in columns],
-            )
-        return forces
-
-    def _bcs_of(self, block: int) -> list[Any]:
-        return [bc for bc in self.bcs if compat.contains(self.u[block].function_space, bc)]
-
     # -- matrix ---------------------------------------------------------------------------------
 
     def jacobian(self, x: Any, A: Any) -> None:
@@ -249,15 +195,15 @@ class System:
                 self._allocate(A)
             self.allocations += 1
         self.write(x)
-        self._update_materials()
+        self.bulk.update_materials()
         A.zeroEntries()
         with events.BULK_JACOBIAN:
-            self._add_bulk(A, self.bcs)
+            self.bulk.add(A, self.bulk.bcs)
             A.assemble()  # contact adds to its arrays
-            self._scale_bulk(A)
+            self.bulk.scale(A, self.scale)
         self.add_contact(A)
         for contact in self.contacts:
-            _add_diagonal(A, contact.held_rows(), 1.0)
+            add_diagonal(A, contact.held_rows(), 1.0)
         self.driven.tangent(A, self.contacts)
         A.assemble()
 
@@ -269,45 +215,11 @@ class System:
                 contact.assembler.tangent(A.handle, self._remote)
         self._remote.send(A.handle)
 
-    def _add_bulk(self, A: Any, bcs: Sequence[Any]) -> None:
-        """Add the bulk's Jacobian; with conditions, 1 on the diagonal of the held rows."""
-        for i, row in enumerate(self._J):
-            for j, a in enumerate(row):
-                if a is not None:
-                    A.setLGMap(self._maps[i], self._maps[j])
-                    compat.assemble_matrix_unrolled(A, a, bcs)
-        if bcs:
-            _add_diagonal(A, self.layout.held_rows(), 1.0)
-
-    def _scale_bulk(self, A: Any) -> None:
-        """Multiply the assembled bulk's blocks by the scales of rows and unknowns. Collective."""
-        if len(self._displacements) == len(self.u):
-            return
-        left, right = A.createVecs()
-        for vector, scale in ((left, self._row_scale), (right, self.scale)):
-            vector.set(1.0)
-            for block in range(len(self.u)):
-                vector.array[self.layout.slice(block)] = scale[block]
-        A.diagonalScale(left, right)
-        left.destroy()
-        right.destroy()
-
-    def _add_bulk_pattern(self, pattern: Any) -> None:
-        """Places of the bulk's Jacobian. Collective."""
-        for i, row in enumerate(self._J):
-            first = self.layout.start + self.layout.slice(i).start
-            for j, a in enumerate(row):
-                if a is not None:
-                    offsets, columns = compat.pattern(a)
-                    size = self.layout.block_sizes[j]
-                    dofs = self.layout.system_dofs(j, columns * size).astype(PETSc.IntType)
-                    pattern.add_sparse(first, self.layout.block_sizes[i], offsets, dofs, size)
-
     def _allocate(self, A: Any) -> None:
         """Allocate the bulk's pattern and that of the present targets and their neighbours; fill A
         with zeros. Collective."""
         pattern = _cpp.Pattern(self.comm.py2f(), self.layout.owned)
-        self._add_bulk_pattern(pattern)
+        self.bulk.add_pattern(pattern)
         with together(self.comm, "contact pattern"):
             for contact in self.contacts:
                 contact.assembler.add_pattern(pattern)
@@ -333,7 +245,7 @@ class System:
             contact.begin_step()
         before = [u.x.array.copy() for u in self.u]
         for u in self.u:
-            compat.set_bc(u, self.bcs)
+            compat.set_bc(u, self.bulk.bcs)
         with together(self.comm, "solve"):
             for u in self.u:
                 if not np.isfinite(u.x.array).all():
@@ -349,7 +261,9 @@ class System:
             contact.hold()
         for u, values in zip(self.u, before):
             u.x.array[:] = values
-        self._update_materials(again=True)  # their parameters may be new, the time step for one
+        self.bulk.update_materials(
+            again=True
+        )  # their parameters may be new, the time step for one
         if self.A is None:
             self.create_matrix()
         self.parameters.choose(self.scale, friction)
@@ -403,7 +317,7 @@ class System:
         """Put every particle and every material back to the last accepted step."""
         for contact in self.contacts:
             contact.assembler.restore()
-        for material in self.materials:
+        for material in self.bulk.materials:
             material.restore()
 
     def accept(self) -> None:
@@ -411,7 +325,7 @@ class System:
         from there. Collective."""
         for contact in self.contacts:
             contact.remember()
-        for material in self.materials:
+        for material in self.bulk.materials:
             material.commit()
 
     def new_matrix(self) -> Any:
@@ -427,9 +341,9 @@ class System:
     def bulk_matrix(self) -> Any:
         """The Jacobian of the bulk alone, numbered as the system without its last blocks: of each
         rank the rows of u. Collective."""
-        alone = System(self._F, self.u, self._J, [], self.bcs)
+        alone = System(self.bulk.F, self.u, self.bulk.J, [], self.bulk.bcs)
         A = alone.new_matrix()
-        alone._add_bulk(A, self.bcs)
+        alone.bulk.add(A, self.bulk.bcs)
         A.assemble()
         return A
 
@@ -438,8 +352,8 @@ class System:
         on deformed bodies they would be others."""
         return {
             "scale": self.scale,
-            "row_scale": self._row_scale,
-            "displacements": self._displacements,
+            "row_scale": self.bulk.row_scale,
+            "displacements": self.bulk.displacements,
             "round_off": self.round_off,
             "driven": self.driven.stiffness,
             "parameters": self.parameters.state(),
@@ -447,8 +361,8 @@ class System:
 
     def set_measured(self, figures: dict[str, Any]) -> None:
         """Measure no more, but take these."""
-        self.scale, self._row_scale = list(figures["scale"]), list(figures["row_scale"])
-        self._displacements = list(figures["displacements"])
+        self.scale, self.bulk.row_scale = list(figures["scale"]), list(figures["row_scale"])
+        self.bulk.displacements = list(figures["displacements"])
         self.round_off, self.driven.stiffness = figures["round_off"], figures["driven"]
         self.parameters.set_state(figures["parameters"])
         self._measured = True
@@ -462,15 +376,15 @@ class System:
     def _measure(self) -> None:
         """Find units of the unknowns, and how stiff the bodies are. Collective."""
         self._measured = True
-        self._add_bulk(self.A, [])
+        self.bulk.add(self.A, [])
         self.A.assemble()
         diagonal = self.A.getDiagonal().array.copy()
-        present = [[a is not None for a in row] for row in self._J]
-        scales, self._row_scale, self._displacements = block_scales(
+        present = [[a is not None for a in row] for row in self.bulk.J]
+        scales, self.bulk.row_scale, self.bulk.displacements = block_scales(
             self.A, self.layout, present, self.bodies.blocks
         )
         self.scale[: len(self.u)] = scales
-        for block in set(range(len(self.u))) - set(self._displacements):
+        for block in set(range(len(self.u))) - set(self.bulk.displacements):
             diagonal[self.layout.slice(block)] = 0.0
         x = max(float(np.abs(u.function_space.mesh.geometry.x).max(initial=0)) for u in self.u)
         sizes = np.array([np.abs(diagonal).max(initial=0), x])
@@ -489,34 +403,3 @@ def _assembled(thing: Any) -> Iterator[None]:
     except BaseException:
         thing.assemble()
         raise
-
-
-def _add_diagonal(A: Any, rows: npt.NDArray[Any], value: float) -> None:
-    """Add a value on the diagonal of owned rows."""
-    if len(rows) == 0:  # petsc4py divides by the number of rows
-        return
-    at = rows.reshape(-1, 1)
-    A.setValuesRCV(at, at, np.full(at.shape, value), addv=PETSc.InsertMode.ADD_VALUES)
-
-
-def derivative(
-    F: Sequence[Any], u: Sequence[Any], materials: Sequence[QuadratureLaw] = ()
-) -> list[list[Any]]:
-    """Jacobian forms of F by UFL, completed with the materials' tangents; None where a residual does
-    not depend on an unknown."""
-    rows = []
-    for f in F:
-        known, row = set(f.coefficients()), []
-        for v in u:
-            parts = [_derivative(f, v)] if v in known else []
-            parts += [m.tangent(f, v) for m in materials]
-            parts = [part for part in parts if part is not None]
-            row.append(sum(parts[1:], parts[0]) if parts else None)
-        rows.append(row)
-    return rows
-
-
-def _derivative(f: Any, u: Any) -> Any:
-    """Derivative of a form; None if it is zero, as that of a Lagrangian that is linear in u."""
-    form = ufl.derivative(f, u)
-    return None if expand_derivatives(form).empty() else form

@@ -15,7 +15,8 @@ from two_bodies import CELLS, COMM, GAP, MASTER, PARTITIONS, SLAVE, bodies, curv
 
 import dolfinx_contact as dc
 from dolfinx_contact import compat, meshes
-from dolfinx_contact.system import System, derivative
+from dolfinx_contact.bulk import derivative
+from dolfinx_contact.system import System
 
 EPS = np.finfo(float).eps
 
@@ -108,7 +109,7 @@ def test_coupled_unknowns(partition):
     matrix = numbering.dense(system.A)
     expected = bulk_blocks(system, J, bcs)
     blocks = [numbering.block == i for i in range(3)]
-    (one, row), (same, column) = system._row_scale, system.scale[:2]
+    (one, row), (same, column) = system.bulk.row_scale, system.scale[:2]
     assert one == same == 1.0 and row > 0 and column > 0
     expected[blocks[1]] *= row
     expected[:, blocks[1]] *= column

@@ -491,7 +491,7 @@ def test_a_law_that_keeps_its_state(folder):
     scene = viscous(COMM)
     stepping = scene.stepping()
     next(iter(stepping))
-    scene.problem.system.materials[0].law = type("Mute", (), {})()
+    scene.problem.system.bulk.materials[0].law = type("Mute", (), {})()
     expect(
         dc.InputError,
         lambda: stepping.save(folder / "run.h5"),

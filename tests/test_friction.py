@@ -200,7 +200,7 @@ def test_a_rigid_rotation(target, slip):
             for tag in (TOP, BOTTOM)
         ]
     )
-    problem.system.bcs[:] = [fem.dirichletbc(held, dofs)]
+    problem.system.bulk.bcs[:] = [fem.dirichletbc(held, dofs)]
     # near the solution of the convected slip, not in it
     model.u.x.array[:] += 1e-2 * PRESS * np.sin(40 * x).ravel()
     assert problem.solve().iterations > 1

@@ -238,7 +238,7 @@ def test_blocks_by_hand():
 def test_uncoupled_blocks_are_none():
     """UFL's derivative of what is linear in p is an empty form, not one without entries."""
     case = make("two meshes", "taylor-hood", poisson=0.5)
-    known = [[a is not None for a in row] for row in case.problem.system._J]
+    known = [[a is not None for a in row] for row in case.problem.system.bulk.J]
     body = [[True, True], [True, False]]
     np.testing.assert_array_equal(known, np.kron(np.eye(2, dtype=bool), body))
 
@@ -358,10 +358,10 @@ def test_scales():
     system = case.problem.system
     system.start()
     h = 0.2
-    assert system.scale[0] == 1.0 and system._displacements == [0]
+    assert system.scale[0] == 1.0 and system.bulk.displacements == [0]
     assert 0.1 < system.scale[1] / (1e4 / h) < 10
     assert 0.1 < system.scale[2] * h < 10
-    np.testing.assert_allclose(system._row_scale, system.scale[:3], rtol=1e-10)
+    np.testing.assert_allclose(system.bulk.row_scale, system.scale[:3], rtol=1e-10)
 
 
 # -- Dirichlet conditions on other unknowns ----------------------------------------------------------

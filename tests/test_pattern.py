@@ -107,7 +107,7 @@ def of_pair(system, contact, refined):
 def of_bulk(system):
     """Places of the bulk's Jacobian. Collective."""
     out = set()
-    for i, row in enumerate(system._J):
+    for i, row in enumerate(system.bulk.J):
         for j, a in enumerate(row):
             if a is None:
                 continue

@@ -208,7 +208,7 @@ def tangent_error(model, pair, states, random):
         largest = COMM.allreduce(np.abs(function.x.array).max(initial=0.0), op=MPI.MAX)
         part *= largest / system.scale[block]
     direction.array[system.layout.held_rows() - system.layout.start] = 0.0
-    system.bcs = []  # Dirichlet rows are no question of contact
+    system.bulk.bcs = []  # Dirichlet rows are no question of contact
 
     def residual(size):
         y, b = x.copy(), x.duplicate()

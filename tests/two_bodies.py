@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 import dolfinx_contact as dc
 from dolfinx_contact import compat, meshes
-from dolfinx_contact.system import derivative
+from dolfinx_contact.bulk import derivative
 
 COMM = MPI.COMM_WORLD
 CELLS = ("triangle", "quadrilateral", "tetrahedron", "hexahedron")
