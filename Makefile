@@ -151,7 +151,7 @@ bench: install
 	$(PY) benchmarks/parallel.py --compare 2
 	$(PY) benchmarks/exchange.py
 	$(PY) benchmarks/long_run.py
-	$(PY) benchmarks/memory.py --solver iterative
+	$(PY) benchmarks/memory.py --solver iterative --layers 38
 	$(PY) benchmarks/getfem_comparison.py
 	$(PY) benchmarks/junctions.py
 	$(PY) benchmarks/rules.py
