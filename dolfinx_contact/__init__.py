@@ -22,7 +22,8 @@ from . import checkpoint, infsup, materials, meshes, plasticity, solvers
 from .compat import evaluate, function_space, vector_space
 from .errors import ContactError, ConvergenceError, InputError, UnheldError
 from .output import Writer
-from .pair import ContactPair, Particles
+from .pair import ContactPair
+from .particles import Particles
 from .partition import repartition
 from .problem import ContactProblem
 from .quadrature import QuadratureLaw

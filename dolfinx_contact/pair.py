@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from dolfinx import fem
 from . import compat
 from .checks import agreed, number, switch
 from .errors import ContactError, InputError, together
+from .particles import Particles, tangential
 from .rules import (
     Gauss,
     Lobatto,
@@ -321,7 +321,7 @@ class ContactPair:
         self._dissipated = dissipated
         if self.frictional:
             table = self._accepted
-            contact.friction_projection(table, _tangential(table), self.friction)
+            contact.friction_projection(table, tangential(table), self.friction)
 
     def _solved(self) -> dict[str, Any]:
         """Columns of the particles; "slave": current positions of the slave's position nodes."""
@@ -370,7 +370,7 @@ class ContactPair:
     def friction_resultant(self) -> npt.NDArray[np.float64]:
         """Friction's part of the resultant, (dim,) [force]. Collective."""
         table = self._solved()
-        return self.comm.allreduce(table["weight"] @ _tangential(table))
+        return self.comm.allreduce(table["weight"] @ tangential(table))
 
     def dissipated_energy(self) -> float:
         """Energy that friction has dissipated in all accepted steps [energy]. Collective."""
@@ -404,95 +404,3 @@ def _tools(master: Any, dim: int) -> list[RigidTool]:
     if len(set(map(id, tools))) < len(tools):
         raise InputError("ContactPair: a tool is given twice; give each tool once.")
     return list(tools)
-
-
-def _tangential(table: dict[str, Any]) -> npt.NDArray[np.float64]:
-    """Friction traction of each particle, (n, dim)."""
-    t, n = table["traction"], np.nan_to_num(table["normal"])
-    return t - n * np.sum(t * n, axis=1, keepdims=True)
-
-
-@dataclass
-class Particles:
-    """Particles of a pair, one row each (n rows; vectors have shape (n, dim)).
-
-    Attributes:
-        reference, position: where the particle is, undeformed and now [length]
-        gap: distance to the master along the normal, ≥ 0 when open, inf without a target [length]
-        pressure: nominal contact pressure, ≥ 0 in compression [force/reference area]
-        status: "open", "stick" or "slip". Without friction all that touch slip; one that has closed
-            in the last step has no slip yet
-        slip: tangential slip in the last step, against the master; 0 if open [length]
-        target: its target on the master's current surface, nan without one [length]
-        normal: normal at the target, pointing away from the slave, nan without a target
-        traction: contact traction on the slave, friction included [force/reference area]
-        friction: its tangential part
-        dissipated: by friction in all steps [energy/reference area]; particles that move on the
-            slave (Segments) have what the nearest ones had
-        weight: its part of the slave's reference area [area]
-        facet, target_facet: numbers of its facet and of its target's (−1: none), which do not
-            depend on the partition
-        tool: number of the pair's tool that its target is on, −1 without one
-    """
-
-    reference: npt.NDArray[np.float64]
-    position: npt.NDArray[np.float64]
-    gap: npt.NDArray[np.float64]
-    pressure: npt.NDArray[np.float64]
-    status: npt.NDArray[np.str_]
-    target: npt.NDArray[np.float64]
-    normal: npt.NDArray[np.float64]
-    traction: npt.NDArray[np.float64]
-    friction: npt.NDArray[np.float64]
-    slip: npt.NDArray[np.float64]
-    dissipated: npt.NDArray[np.float64]
-    weight: npt.NDArray[np.float64]
-    facet: npt.NDArray[np.int64]
-    target_facet: npt.NDArray[np.int64]
-    tool: npt.NDArray[np.int64]
-    comm: Any = None
-
-    @classmethod
-    def of(cls, comm: Any, table: dict[str, Any], frictional: bool) -> Particles:
-        """From the assembler's table.
-
-        Args:
-            comm: the pair's communicator
-            table: columns of this rank's particles
-            frictional: whether what touches can stick
-        """
-        closed = table["closed"]
-        pressure = -np.einsum("pi,pi->p", table["traction"], np.nan_to_num(table["normal"]))
-        return cls(
-            reference=table["X"],
-            position=table["x"],
-            gap=table["gap"],
-            pressure=pressure + 0.0,
-            status=np.select(
-                [~closed, table["slips"] | (not frictional)], ["open", "slip"], "stick"
-            ),
-            target=table["target"],
-            normal=table["normal"],
-            traction=table["traction"],
-            friction=_tangential(table),
-            slip=table["slip"],
-            dissipated=table["dissipated"],
-            weight=table["weight"],
-            facet=table["facet"],
-            target_facet=table["target_facet"],
-            tool=table["tool"],
-            comm=comm,
-        )
-
-    def __len__(self) -> int:
-        return len(self.gap)
-
-    def gather(self) -> Particles | None:
-        """All ranks' particles on rank 0, sorted by facet; None elsewhere. Collective."""
-        names = [f.name for f in fields(self) if f.name != "comm"]
-        parts = self.comm.gather({name: getattr(self, name) for name in names}, root=0)
-        if parts is None:
-            return None
-        whole = {name: np.concatenate([part[name] for part in parts]) for name in names}
-        order = np.argsort(whole["facet"], kind="stable")
-        return Particles(**{name: rows[order] for name, rows in whole.items()}, comm=self.comm)

@@ -26,7 +26,8 @@ from matplotlib.figure import Figure
 from . import render
 from .checks import file_name, numbers
 from .errors import ContactError, InputError, together
-from .pair import ContactPair, Particles
+from .pair import ContactPair
+from .particles import Particles
 from .report import Report
 from .shapes import Shapes, gather_bodies, gather_friction, gather_pressure
 
