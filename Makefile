@@ -27,12 +27,13 @@ export OMP_NUM_THREADS MPLBACKEND OMPI_ALLOW_RUN_AS_ROOT OMPI_ALLOW_RUN_AS_ROOT_
   OMPI_MCA_rmaps_base_oversubscribe PRTE_MCA_rmaps_default_mapping_policy PRTE_MCA_mapby \
   OMPI_MCA_btl_vader_single_copy_mechanism
 
-.PHONY: help demo test install packages all-packages ctest pytest-1 pytest-2 pytest-3 test-debian test-sanitize tidy \
+.PHONY: help demo demos test install packages all-packages ctest pytest-1 pytest-2 pytest-3 test-debian test-sanitize tidy \
   bench bench-solvers robustness faults docs gallery format check-format clean
 .NOTPARALLEL:
 
 help:
 	@echo "make demo          press two blocks together and draw the contact pressure"
+	@echo "make demos         run all demos and draw their pictures"
 	@echo "make test          C++ and Python tests, on 1, 2 and 3 MPI ranks"
 	@echo "make install       build, and install the Python package for $(PY)"
 	@echo "make test-debian   the same inside Debian RELEASE=bookworm, trixie or sid; writes docs/versions.md"
@@ -49,6 +50,9 @@ help:
 
 demo: install
 	$(PY) demos/two_blocks.py
+
+# a few minutes; the tests run each of them at a small size
+demos: demo
 	$(PY) demos/two_cubes.py
 	$(PY) demos/sphere_on_block.py
 	$(PY) demos/hertz.py
@@ -180,7 +184,7 @@ docs: install
 	$(PY) -m sphinx -q -W --keep-going -d $(BUILD)/docs-cache docs $(BUILD)/docs
 	@echo "Open $(BUILD)/docs/index.html"
 
-gallery: demo
+gallery: demos
 	$(PY) docs/figures.py
 
 # --- the source's looks ----------------------------------------------------------------------

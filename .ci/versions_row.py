@@ -51,8 +51,8 @@ def python_tests(ranks):
 
 
 def demos():
-    count = len(re.findall(r"^/usr/bin/python3 demos/\w+\.py", output("demo"), re.MULTILINE))
-    return f"{count} passed" if passed("demo") == "passed" else "FAILED"
+    count = len(re.findall(r"^/usr/bin/python3 demos/\w+\.py", output("demos"), re.MULTILINE))
+    return f"{count} passed" if passed("demos") == "passed" else "FAILED"
 
 
 gcc = subprocess.run(["g++", "-dumpfullversion"], capture_output=True, text=True, check=True)
