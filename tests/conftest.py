@@ -27,9 +27,10 @@ failure_timeout = min(60.0, test_timeout / 2)
 #: Modules that one process, or two, show as well as three do: where ranks outnumber the cores, the others
 #: alone take minutes. Tests whose names tell of ranks or partitions run on any number.
 ENOUGH = {
-    1: "benchmarks convergence docs docstrings infsup locking materials memory quadrature report",
-    2: "bad_input demos driven errors faults mixed msh output plasticity plot segments strategy"
-    " tangent tools true_pressure",
+    1: "benchmarks convergence docs docstrings infsup locking materials memory quadrature report"
+    " strategy tangent",
+    2: "bad_input demos driven errors faults mixed msh output plasticity plot segments tools"
+    " true_pressure",
 }
 ABOUT_RANKS = re.compile("parallel|serial|distributed|partition|ranks")
 
