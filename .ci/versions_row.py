@@ -29,10 +29,9 @@ def passed(stage):
 
 
 def cpp_tests():
-    """Catch2's own count, from the log of ctest."""
-    found = re.findall(
-        r"All tests passed \((\d+) assertions? in (\d+) test cases?\)", output("ctest")
-    )
+    """Catch2's own count on one rank: ctest shows no output of what passes, but keeps it."""
+    log = Path("/contact-build/Testing/Temporary/LastTest.log").read_text(errors="replace")
+    found = re.findall(r"All tests passed \((\d+) assertions? in (\d+) test cases?\)", log)
     if passed("ctest") != "passed" or not found:
         return "FAILED"
     return f"{int(found[0][0]):,} assertions in {found[0][1]} cases"
