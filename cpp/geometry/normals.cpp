@@ -96,7 +96,7 @@ void NodalNormals<D>::update(const Surface& s)
 template <int D>
 NormalField<D> NodalNormals<D>::at(const Surface& s, int f, const double* xi) const
 {
-  double N[4], dN[2][4];
+  double N[4] = {}, dN[2][4] = {};
   corner_basis(s.ref.shape, xi, N, dN);
   const int nv = s.nv();
   NormalField<D> out;
