@@ -82,11 +82,14 @@ void Pattern::finish()
                   true);
   const auto number = [&](PetscInt row)
   {
+    if (own(row))
+      return PetscInt(-1);
     const auto it = std::lower_bound(_remote.begin(), _remote.end(), row);
-    return own(row) ? -1 : static_cast<PetscInt>(it - _remote.begin());
+    return static_cast<PetscInt>(it - _remote.begin());
   };
-  _united_remote
-      = unite(blocks_of_rows(mine, static_cast<PetscInt>(_remote.size()), number), false);
+  if (not _remote.empty())
+    _united_remote
+        = unite(blocks_of_rows(mine, static_cast<PetscInt>(_remote.size()), number), false);
   _rows = {};
   _columns = {};
 }
