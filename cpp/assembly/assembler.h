@@ -151,9 +151,7 @@ public:
 
   /// Add (F9) and (F13) to a matrix of the system (BlockAdder; the caller assembles it, if it can
   /// also before).
-  /// @param remote of the pattern: takes what is for rows of other ranks; the caller sends it.
-  /// Null:
-  ///        PETSc does, as it assembles
+  /// @param remote takes what is for rows of other ranks, and the caller sends it; null: PETSc does
   void tangent(Mat A, RemoteRows* remote = nullptr) const;
 
   /// Places of all blocks wherever particles may couple: with their targets and the neighbours of
