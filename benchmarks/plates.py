@@ -172,7 +172,8 @@ class Plates:
         self.u.x.array[:] = self._places[0]
 
     def bulk_residual(self) -> None:
-        compat.assemble_vector_local(self.system.bulk.F[0])
+        bulk = self.system.bulk
+        compat.assemble_vector_local(bulk.F[0], bulk._work[0])
 
     def bulk_jacobian(self) -> None:
         """With what PETSc does at the end of an assembly."""

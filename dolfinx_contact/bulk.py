@@ -8,6 +8,7 @@ from typing import Any, Sequence
 import numpy as np
 import numpy.typing as npt
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.algorithms import expand_derivatives
@@ -45,6 +46,7 @@ class Bulk:
         self.row_scale = [1.0] * len(self.u)  # with them all rows are forces (scaling.py)
         self.displacements = list(range(len(self.u)))  # blocks with rows that are forces anyway
         self.force = 0.0  # largest norm of their rows in the last residual, reactions included
+        self._work = [fem.Function(f.function_space) for f in self.u]
         self._maps = [
             PETSc.LGMap().create(layout.local_dofs(i), comm=self.comm) for i in range(len(self.u))
         ]
@@ -93,7 +95,7 @@ class Bulk:
     def _forces(self, row: int, lift: bool) -> npt.NDArray[Any]:
         """Forces of one block, owned entries; with `lift`, J (g − u) added for the Dirichlet
         values g: the first Newton step then takes the bulk there along its tangent."""
-        forces = compat.assemble_vector_local(self.F[row])
+        forces = compat.assemble_vector_local(self.F[row], self._work[row])
         norm = np.sqrt(self.comm.allreduce(float(forces @ forces)))
         self._finite &= bool(np.isfinite(norm))
         # reactions included: what residuals are compared to
@@ -102,7 +104,7 @@ class Bulk:
         if lift:
             columns = [j for j, a in enumerate(self.J[row]) if a is not None]
             forces += compat.lifting(
-                self.u[row],
+                self._work[row],
                 [self.J[row][j] for j in columns],
                 [self._bcs_of(j) for j in columns],
                 [self.u[j].x.array for j in columns],

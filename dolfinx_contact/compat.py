@@ -431,12 +431,23 @@ def assemble_matrix_unrolled(A: Any, compiled: Any, bcs: Sequence[Any] = ()) -> 
     _cpp.fem.petsc.assemble_matrix(A, a, constants, coefficients, conditions, True)
 
 
-def assemble_vector_local(compiled: Any) -> npt.NDArray[np.float64]:
-    """Assemble a linear form; owned, unrolled entries, the other ranks' shares added. Collective."""
-    vector = fem.assemble_vector(compiled)
-    scatter_reverse_add(vector)
-    dofmap = compiled.function_spaces[0].dofmap
-    return np.array(vector.array[: dofmap.index_map.size_local * dofmap.index_map_bs])
+def assemble_vector_local(compiled: Any, work: fem.Function) -> npt.NDArray[np.float64]:
+    """Assemble a linear form; owned, unrolled entries, the other ranks' shares added. Collective.
+
+    Args:
+        compiled: the form
+        work: any Function of the test space. (A new vector each time is a new Python class in 0.5)
+    """
+    work.x.array[:] = 0.0
+    fem.assemble_vector(work.x.array, compiled)
+    scatter_reverse_add(work)
+    return _owned(work)
+
+
+def _owned(f: fem.Function) -> npt.NDArray[np.float64]:
+    """Copy of the values that this rank owns."""
+    dofmap = f.function_space.dofmap
+    return np.array(f.x.array[: dofmap.index_map.size_local * dofmap.index_map_bs])
 
 
 def assemble_scalar(comm: MPI.Comm, compiled: Any) -> float:
@@ -445,7 +456,7 @@ def assemble_scalar(comm: MPI.Comm, compiled: Any) -> float:
 
 
 def lifting(
-    u: fem.Function,
+    work: fem.Function,
     forms: Sequence[Any],
     bcs: Sequence[Sequence[Any]],
     x0: Sequence[npt.NDArray[np.float64]],
@@ -453,16 +464,15 @@ def lifting(
     """Σ_j J_j (g_j − x0_j) for the Dirichlet values g_j; owned entries. Collective.
 
     Args:
-        u: Function of the test space
+        work: any Function of the test space
         forms: J_j, one for each unknown
         bcs: conditions on each unknown
         x0: local values of each unknown
     """
-    out = fem.Function(u.function_space)
-    fem.apply_lifting(out.x.array, list(forms), [list(b) for b in bcs], list(x0), -1.0)
-    scatter_reverse_add(out)
-    dofmap = u.function_space.dofmap
-    return np.array(out.x.array[: dofmap.index_map.size_local * dofmap.index_map_bs])
+    work.x.array[:] = 0.0
+    fem.apply_lifting(work.x.array, list(forms), [list(b) for b in bcs], list(x0), -1.0)
+    scatter_reverse_add(work)
+    return _owned(work)
 
 
 # -- Dirichlet conditions --------------------------------------------------------------------

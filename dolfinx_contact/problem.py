@@ -157,16 +157,7 @@ class ContactProblem:
         if not report.converged:
             free = system.bodies.unheld(system.A)
             system.fill(before)
-            hint = "Take a smaller load step."
-            if free is not None:
-                hint = f"On the way contact was lost, and {free}. " + hint
-            error = ConvergenceError(
-                f"The contact problem did not converge: {report.reason} after"
-                f" {report.iterations} iterations; u and the pairs are back at the last accepted"
-                f" state. {hint}\n{report}"
-            )
-            error.report = report
-            raise error
+            raise _not_converged(report, free)
         for pair, contact in zip(self.pairs, system.contacts):
             contact.assembler.accept()
             pair._accept(contact)
@@ -204,6 +195,20 @@ class ContactProblem:
     def continues(self) -> bool:
         """Whether the last step tells where the next one goes: no tool was brought to its slave."""
         return not self.system.driven.approached
+
+
+def _not_converged(report: Report, free: str | None) -> ConvergenceError:
+    """Made here, since a frame that raises what it has a name for lives on until the next collection."""
+    hint = "Take a smaller load step."
+    if free is not None:
+        hint = f"On the way contact was lost, and {free}. " + hint
+    error = ConvergenceError(
+        f"The contact problem did not converge: {report.reason} after"
+        f" {report.iterations} iterations; u and the pairs are back at the last accepted"
+        f" state. {hint}\n{report}"
+    )
+    error.report = report
+    return error
 
 
 def _listed(given: Any, kind: Any, name: str) -> list[Any]:

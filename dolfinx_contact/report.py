@@ -24,7 +24,7 @@ STAGES = ("total", "residual", "jacobian")
 
 @dataclass(slots=True)
 class Report:
-    """Record of one solve. LoadStepping keeps one a step: numbers are packed.
+    """Record of one solve. LoadStepping keeps one a step, so that numbers are in arrays.
 
     Attributes:
         converged: whether the tolerance was met

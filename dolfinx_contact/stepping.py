@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import asdict, dataclass
-from typing import Any, Callable, Iterator
+import pickle
+import zlib
+from dataclasses import asdict, astuple, dataclass
+from typing import Any, Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +52,38 @@ class Step:
         )
 
 
+class Steps(Sequence[Step]):
+    """Accepted steps, packed: as objects, thousands of them in a long run take twice the memory.
+
+    Args:
+        steps: to begin with
+    """
+
+    def __init__(self, steps: Iterable[Step] = ()):
+        self._packed: list[bytes] = []
+        for step in steps:
+            self.append(step)
+
+    def append(self, step: Step) -> None:
+        """Add a step at the end.
+
+        Args:
+            step: a copy of it is kept
+        """
+        packed = zlib.compress(pickle.dumps(astuple(step)))
+        # zlib's result is the rest of a larger block: kept, it would leave holes in the heap
+        self._packed.append(bytes(memoryview(packed)))
+
+    def __len__(self) -> int:
+        return len(self._packed)
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return [self[j] for j in range(len(self))[i]]
+        *begin, report, failed, smallest = pickle.loads(zlib.decompress(self._packed[i]))
+        return Step(*begin, Report(*report), failed, smallest)
+
+
 class LoadStepping:
     """Solve a problem for t from 0 to an end, in steps; iterate over it.
 
@@ -78,7 +112,7 @@ class LoadStepping:
 
     Attributes:
         time: t of the last accepted step
-        steps: the accepted steps
+        steps: the accepted steps, a sequence; copies of those that the iteration gave
     """
 
     def __init__(
@@ -104,7 +138,7 @@ class LoadStepping:
         self.problem, self._apply, self.end = problem, apply, float(end)
         self._next, self._min, self._max = float(step), float(min_step), float(max_step)
         self._progress, self._shortest = progress, float("inf")
-        self.time, self.steps = 0.0, list[Step]()
+        self.time, self.steps = 0.0, Steps()
         # state one accepted step ago, and the length of that step
         self._before: tuple[list[Any], float] | None = None
         self._ease = 0  # how well the last steps went
@@ -256,7 +290,9 @@ class LoadStepping:
             history.compare(path, figures["kinds"])
             columns = history.read(file)
         before = history.put(columns, figures)
-        self.steps = [Step(**{**s, "report": Report(**s["report"])}) for s in figures["steps"]]
+        self.steps = Steps(
+            Step(**{**s, "report": Report(**s["report"])}) for s in figures["steps"]
+        )
         self.time, self._shortest, self._ease = (
             figures[name] for name in ("time", "shortest", "ease")
         )

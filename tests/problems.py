@@ -437,7 +437,7 @@ def balance(model: Model, tag: int, deformed: bool = True) -> np.ndarray:
     """
     u, V = model.u, model.u.function_space
     dim, owned = V.mesh.geometry.dim, V.dofmap.index_map.size_local
-    forces = compat.assemble_vector_local(compat.form(model.F)).reshape(-1, dim)
+    forces = compat.assemble_vector_local(compat.form(model.F), fem.Function(V)).reshape(-1, dim)
     facets = model.tags.indices[model.tags.values == tag]
     nodes = fem.locate_dofs_topological(V, V.mesh.topology.dim - 1, facets)
     nodes = nodes[nodes < owned]

@@ -34,6 +34,25 @@ def in_use():
     return heap.uordblks + heap.hblkhd
 
 
+def test_steps_leave_nothing_for_the_collector():
+    """Objects that hold each other stay until Python's collector comes, vectors and all: with a class
+    for each assembled vector (DOLFINx 0.5), or what a failed solve has raised."""
+    problem, pair, place = ironing(COMM, 24)
+    problem.solve()  # what is made once is made now
+    problem.strategy = dc.Newton(max_it=5)  # some steps fail
+    apply = lambda t: place(0.0, -0.6 * t)  # noqa: E731
+    stepping = dc.LoadStepping(problem, apply, step=1.0, min_step=0.05, progress=False)
+    gc.collect()
+    gc.disable()
+    try:
+        failed = [step.failed for step in stepping]
+        left = gc.collect()
+    finally:
+        gc.enable()
+    assert sum(failed) > 0 and len(failed) > 1
+    assert left < 10, f"{left} objects in {len(failed)} steps"
+
+
 def test_steps_leave_no_memory_behind():
     """Steps to and fro, in each of which master facets are fetched anew: PETSc's objects are freed.
     (One vector of this problem has 3 kB; with two of them left in each step this fails.)"""

@@ -21,6 +21,7 @@ from problems import (
 )
 
 import dolfinx_contact as dc
+from dolfinx_contact.stepping import Step, Steps
 
 COMM = MPI.COMM_WORLD
 
@@ -76,6 +77,18 @@ def test_a_step_in_words():
     assert str(steps[1]) == "step 2 to t = 0.3 (length 0.15): 4 iterations"
 
 
+def test_a_kept_step_is_equal_to_the_one_given():
+    report = dc.Report(True, "CONVERGED", 3, 2.5)
+    report.add(2.0, 3.0, (1, 2, 3, 4, 5), 7)
+    report.took("total", 0.25)
+    step, kept = Step(1, 0.5, 0.25, report, 2, 0.125), Steps()
+    kept.append(step)
+    report.add(1.0, 1.0, (0, 0, 0, 0, 0))  # a copy was kept
+    assert kept[0] != step and kept[0].report.residuals == {"bulk": [2.0], "contact": [3.0]}
+    kept.append(step)
+    assert kept[-1] == step and Steps(kept)[:] == list(kept)
+
+
 def test_no_sliver_is_left():
     problem = Brittle(1.0)
     list(dc.LoadStepping(problem, problem.apply, end=0.3, step=0.1, progress=False))
@@ -115,7 +128,7 @@ def test_it_gives_up_below_the_shortest_step():
     with pytest.raises(dc.ConvergenceError, match="min_step"):
         list(stepping)
     assert problem.load == 0.0, "apply is called again with the last accepted t"
-    assert stepping.time == 0.0 and stepping.steps == []
+    assert stepping.time == 0.0 and len(stepping.steps) == 0
 
 
 def test_another_error_puts_the_loads_back():
