@@ -335,7 +335,7 @@ class ContactPair:
     def particles(self) -> Particles:
         """State of this rank's particles, one row each."""
         table = {k: v.copy() for k, v in self._solved().items()}
-        return Particles.of(self.comm, table, self.frictional)
+        return Particles.of(self.slave, table, self.frictional)
 
     def resultant(self) -> npt.NDArray[np.float64]:
         """Total contact force on the slave, (dim,) [force]: ∫ t dΓ of (F1). Collective."""

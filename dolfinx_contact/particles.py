@@ -54,14 +54,15 @@ class Particles:
     facet: npt.NDArray[np.int64]
     target_facet: npt.NDArray[np.int64]
     tool: npt.NDArray[np.int64]
-    comm: Any = None
+    # kept here, since its communicator is freed with the mesh
+    slave: Any = None
 
     @classmethod
-    def of(cls, comm: Any, table: dict[str, Any], frictional: bool) -> Particles:
+    def of(cls, slave: Any, table: dict[str, Any], frictional: bool) -> Particles:
         """From the assembler's table.
 
         Args:
-            comm: the pair's communicator
+            slave: the pair's slave surface
             table: columns of this rank's particles
             frictional: whether what touches can stick
         """
@@ -85,7 +86,7 @@ class Particles:
             facet=table["facet"],
             target_facet=table["target_facet"],
             tool=table["tool"],
-            comm=comm,
+            slave=slave,
         )
 
     def __len__(self) -> int:
@@ -93,10 +94,10 @@ class Particles:
 
     def gather(self) -> Particles | None:
         """All ranks' particles on rank 0, sorted by facet; None elsewhere. Collective."""
-        names = [f.name for f in fields(self) if f.name != "comm"]
-        parts = self.comm.gather({name: getattr(self, name) for name in names}, root=0)
+        names = [f.name for f in fields(self) if f.name != "slave"]
+        parts = self.slave.comm.gather({name: getattr(self, name) for name in names}, root=0)
         if parts is None:
             return None
         whole = {name: np.concatenate([part[name] for part in parts]) for name in names}
         order = np.argsort(whole["facet"], kind="stable")
-        return Particles(**{name: rows[order] for name, rows in whole.items()}, comm=self.comm)
+        return Particles(**{name: rows[order] for name, rows in whole.items()}, slave=self.slave)

@@ -82,21 +82,22 @@ def bodies(
         InputError: see gather_bodies
         ContactError: on all ranks, if the file cannot be written
     """
-    shown, comm = _shapes(shown, field)
+    # the communicator lives as long as the mesh, which may be held by `shown` alone
+    shapes, comm = _shapes(shown, field)
 
     def draw(figure: Any, axes: Any) -> None:
-        values = shown.values
+        values = shapes.values
         norm = None if values is None else Normalize(*(clim or _range(values)))
-        if len(shown.bounds[0]) == 3:
-            n = len(shown.polygons)
+        if len(shapes.bounds[0]) == 3:
+            n = len(shapes.polygons)
 
             colours = (
                 np.tile(to_rgb(color), (n, 1)) if norm is None else colormaps[cmap](norm(values))
             )
-            axes = render.draw(figure, axes, shown.corners, colours[:, :3], edges)
+            axes = render.draw(figure, axes, shapes.corners, colours[:, :3], edges)
         else:
             line = dict(edgecolor="0.25", lw=0.25) if edges else dict(edgecolor="face", lw=0.2)
-            cells = PolyCollection(shown.polygons, **line)
+            cells = PolyCollection(shapes.polygons, **line)
             if norm is None:
                 cells.set_facecolor(color)
             else:
@@ -110,7 +111,7 @@ def bodies(
         if title:
             axes.set_title(title)
 
-    return _picture(draw, comm, shown is not None, file, axes, "plot.bodies")
+    return _picture(draw, comm, shapes is not None, file, axes, "plot.bodies")
 
 
 def pressure(

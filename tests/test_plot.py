@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Pictures: what is gathered for them, and that they are drawn on any ranks, without a display."""
 
+import gc
 import importlib.util
 import os
 
@@ -96,6 +97,16 @@ def test_areas_of_curved_cells():
             for x, y in (p.T for p in shapes.polygons)
         )
         assert total == pytest.approx(0.8 * 0.5 + 0.5, rel=1e-12)
+
+
+def test_what_nobody_else_holds(tmp_path):
+    """A mesh of DOLFINx frees its communicator as it goes; who asks the ranks later has to hold it."""
+    figure = dc.plot.bodies(blocks(2)[0], tmp_path / "bodies.png")
+    particles = blocks(2)[1].particles
+    gc.collect()
+    whole, count = particles.gather(), COMM.allreduce(len(particles))
+    assert (figure is None) == (whole is None) == (COMM.rank > 0)
+    assert whole is None or len(whole) == count > 0
 
 
 def test_fields_of_cells_and_vectors(solved):

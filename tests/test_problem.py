@@ -61,7 +61,7 @@ def forces(pair: dc.ContactPair) -> tuple[np.ndarray, np.ndarray]:
 def snapshot(pair: dc.ContactPair) -> dict[str, np.ndarray]:
     """Copies of all results of a pair on this rank."""
     p = pair.particles
-    rows = {f.name: getattr(p, f.name).copy() for f in fields(p) if f.name != "comm"}
+    rows = {f.name: getattr(p, f.name).copy() for f in fields(p) if f.name != "slave"}
     return {**rows, "u": pair.slave.u.x.array.copy(), "p": pair.pressure.x.array.copy()}
 
 
@@ -450,7 +450,7 @@ def test_gather_is_complete_and_sorted(punched):
         np.all(np.abs(np.diff(np.sign(np.diff(whole.reference[whole.facet == f, 0])))) == 0)
         for f in np.unique(whole.facet)
     )
-    lengths = {f.name: len(getattr(whole, f.name)) for f in fields(whole) if f.name != "comm"}
+    lengths = {f.name: len(getattr(whole, f.name)) for f in fields(whole) if f.name != "slave"}
     assert set(lengths.values()) == {100}, lengths
 
 
