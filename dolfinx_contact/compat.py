@@ -425,10 +425,15 @@ def assemble_matrix_unrolled(A: Any, compiled: Any, bcs: Sequence[Any] = ()) -> 
     Rows and columns of constrained dofs are left out, their diagonal is not set, and the matrix is
     not finalised. Constants and coefficients are packed anew, so that changed loads are seen.
     """
-    a = cpp_object(compiled)
-    constants, coefficients = _cpp.fem.pack_constants(a), _cpp.fem.pack_coefficients(a)
     conditions = [cpp_object(bc) for bc in bcs]
-    _cpp.fem.petsc.assemble_matrix(A, a, constants, coefficients, conditions, True)
+    _cpp.fem.petsc.assemble_matrix(A, cpp_object(compiled), *_packed(compiled), conditions, True)
+
+
+def _packed(compiled: Any) -> tuple[Any, Any]:
+    """Constants and coefficients of a form. (DOLFINx's Python does it by functions that hold each
+    other in 0.11, and stay until Python's garbage is collected.)"""
+    a = cpp_object(compiled)
+    return _cpp.fem.pack_constants(a), _cpp.fem.pack_coefficients(a)
 
 
 def assemble_vector_local(compiled: Any, work: fem.Function) -> npt.NDArray[np.float64]:
@@ -439,7 +444,7 @@ def assemble_vector_local(compiled: Any, work: fem.Function) -> npt.NDArray[np.f
         work: any Function of the test space. (A new vector each time is a new Python class in 0.5)
     """
     work.x.array[:] = 0.0
-    fem.assemble_vector(work.x.array, compiled)
+    fem.assemble_vector(work.x.array, compiled, *_packed(compiled))
     scatter_reverse_add(work)
     return _owned(work)
 
@@ -470,7 +475,12 @@ def lifting(
         x0: local values of each unknown
     """
     work.x.array[:] = 0.0
-    fem.apply_lifting(work.x.array, list(forms), [list(b) for b in bcs], list(x0), -1.0)
+    conditions = [list(b) for b in bcs]
+    packed = [_packed(a) for a in forms]
+    constants, coefficients = [c for c, _ in packed], [c for _, c in packed]
+    fem.apply_lifting(
+        work.x.array, list(forms), conditions, list(x0), -1.0, constants, coefficients
+    )
     scatter_reverse_add(work)
     return _owned(work)
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 //
-// NumPy arrays as the C++ library takes and gives them; row-major.
+// NumPy arrays as the C++ library takes and gives them, row-major, and PETSc objects.
 #pragma once
 
+#include <cstdint>
 #include <pybind11/numpy.h>
 #include <span>
 #include <vector>
@@ -33,6 +34,14 @@ py::array_t<T> as_array(const std::vector<T>& v, std::vector<py::ssize_t> shape)
   py::array_t<T> out(std::move(shape));
   std::copy(v.begin(), v.end(), out.mutable_data());
   return out;
+}
+
+/// A matrix or vector, borrowed for the time of the call.
+/// @param handle of petsc4py: its address
+template <typename Object>
+Object petsc(std::uintptr_t handle)
+{
+  return reinterpret_cast<Object>(handle); // NOLINT(performance-no-int-to-ptr)
 }
 
 } // namespace dolfinx_contact

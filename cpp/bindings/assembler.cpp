@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// The assembler as Python drives it. Matrices and vectors arrive as their handles (petsc4py:
-// mat.handle), which are borrowed for the time of the call.
+// The assembler as Python drives it.
 #include "assembler.h"
 
 #include "../assembly/assembler.h"
@@ -255,11 +254,11 @@ void declare_assembler(py::module_& m, const char* name)
       .def("glue", &A::glue)
       .def("mark", &A::mark)
       .def("recall", &A::recall)
-      .def("residual", [](const A& a, std::uintptr_t b) { a.residual(reinterpret_cast<::Vec>(b)); })
+      .def("residual", [](const A& a, std::uintptr_t b) { a.residual(petsc<::Vec>(b)); })
       .def(
           "tangent",
           [](const A& a, std::uintptr_t mat, RemoteRows* remote)
-          { a.tangent(reinterpret_cast<Mat>(mat), remote); },
+          { a.tangent(petsc<Mat>(mat), remote); },
           py::arg("mat"), py::arg("remote") = py::none())
       .def("add_pattern", &A::add_pattern)
       .def("pattern_holds", &A::pattern_holds)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // The folder bindings/ is the only place that knows pybind11. Arrays are row-major; PETSc objects
-// arrive as their handles (petsc4py: mat.handle), which are borrowed for the time of the call.
+// arrive as petsc4py's handles.
 #include "../assembly/events.h"
 #include "../assembly/pattern.h"
 #include "../integration/particle_rule.h"
@@ -198,17 +198,16 @@ void declare_matrices(py::module_& m)
               const Dofs& columns, PetscInt block_columns)
            { p.add_sparse(first, block_rows, span(offset), span(columns), block_columns); })
       .def("finish", &Pattern::finish)
-      .def("allocate",
-           [](const Pattern& p, std::uintptr_t mat) { p.allocate(reinterpret_cast<Mat>(mat)); })
-      .def("fill", [](const Pattern& p, std::uintptr_t mat) { p.fill(reinterpret_cast<Mat>(mat)); })
+      .def("allocate", [](const Pattern& p, std::uintptr_t mat) { p.allocate(petsc<Mat>(mat)); })
+      .def("fill", [](const Pattern& p, std::uintptr_t mat) { p.fill(petsc<Mat>(mat)); })
       .def("remote_rows", &Pattern::remote_rows);
   py::class_<RemoteRows>(m, "RemoteRows")
       .def("zero", &RemoteRows::zero)
-      .def("send", [](RemoteRows& r, std::uintptr_t mat) { r.send(reinterpret_cast<Mat>(mat)); });
+      .def("send", [](RemoteRows& r, std::uintptr_t mat) { r.send(petsc<Mat>(mat)); });
   m.def("largest_in_rows",
         [](std::uintptr_t mat)
         {
-          const std::vector<double> v = largest_in_rows(reinterpret_cast<Mat>(mat));
+          const std::vector<double> v = largest_in_rows(petsc<Mat>(mat));
           return as_array(v, {static_cast<py::ssize_t>(v.size())});
         });
 }

@@ -263,6 +263,7 @@ CellPoints<D> Segments<D>::points(const Surface& slave, int f, const Surface& ma
       lines.number(s.set, s.at, nv + s.first);
   }
   std::vector<Set> sets;
+  sets.reserve(shadows.size());
   for (const Shadow<D>& s : shadows)
     sets.push_back(s.set);
   std::vector<Part<Set>> cells;
