@@ -56,33 +56,29 @@ PARTITIONS = (None, round_robin, last_rank, last_rank_has_surface)
 
 
 def box(cell, degree, partition=None, comm=COMM):
-    """A bent box with its top and one side tagged, which are given by the input's numbers."""
+    """A bent box, and the facets of its top and of one side."""
     dim = 2 if cell in CELLS[:2] else 3
     counts = (3, 2) if dim == 2 else (2, 3, 2)
     straight = meshes.grid(counts, cell=cell, degree=degree)
     mapped = meshes.grid(counts, mapping=bend, cell=cell, degree=degree)
     mesh, _ = meshes.create(comm, [mapped], partition)
-    # the unbent mesh has the same cells and nodes, so its facets can be found by position
-    flat, _ = meshes.create(comm, [straight], partition)
-    return mesh, [
-        (tag, facets_by_vertices(mesh, flat, lambda x, i=i, v=v: np.isclose(x[i], v)))
+    # facets are found by position while the box is straight
+    bent = mesh.geometry.x.copy()
+    given = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
+    mesh.geometry.x[:, :dim] = straight.points[given]
+    fdim = mesh.topology.dim - 1
+    mesh.topology.create_connectivity(fdim, fdim + 1)
+    tagged = [
+        (
+            tag,
+            dolfinx_mesh.locate_entities_boundary(
+                mesh, fdim, lambda x, i=i, v=v: np.isclose(x[i], v)
+            ),
+        )
         for tag, i, v in ((TOP, dim - 1, 1.0), (SIDE, 0, 0.0))
     ]
-
-
-def facets_by_vertices(mesh, flat, predicate):
-    """Facets of ``mesh`` whose images in the unbent mesh satisfy the predicate."""
-    assert np.array_equal(compat.original_cells(mesh), compat.original_cells(flat))
-    fdim = mesh.topology.dim - 1
-    for one in (mesh, flat):
-        one.topology.create_connectivity(fdim, fdim + 1)
-        one.topology.create_connectivity(fdim + 1, fdim)
-    found = dolfinx_mesh.locate_entities_boundary(flat, fdim, predicate)
-    cells, _ = compat.facet_cells(flat, found)
-    local = compat.local_facet_indices(flat, cells, found)
-    links = mesh.topology.connectivity(fdim + 1, fdim)
-    facets = [links.links(c)[i] for c, i in zip(cells, local)]
-    return np.array(facets, dtype=np.int32)
+    mesh.geometry.x[:] = bent
+    return mesh, tagged
 
 
 def surface_on(cell, geometry_degree, degree, partition=None, comm=COMM, tag=TOP):
