@@ -198,7 +198,7 @@ class ContactProblem:
 
 
 def _not_converged(report: Report, free: str | None) -> ConvergenceError:
-    """Made here, since a frame that raises what it has a name for lives on until the next collection."""
+    """Made here: a frame with a name for what it raises lives until garbage is collected."""
     hint = "Take a smaller load step."
     if free is not None:
         hint = f"On the way contact was lost, and {free}. " + hint
