@@ -53,7 +53,7 @@ class Step:
 
 
 class Steps(Sequence[Step]):
-    """Accepted steps, packed: as objects, thousands of them in a long run take twice the memory.
+    """Accepted steps, packed, since a long run keeps thousands of them.
 
     Args:
         steps: to begin with

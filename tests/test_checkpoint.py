@@ -397,9 +397,8 @@ def test_results_are_those_of_the_checkpoint(folder):
         if name != "slave":
             np.testing.assert_array_equal(getattr(again.particles, name), column, name)
     np.testing.assert_allclose(again._solved()["slave"], pair._solved()["slave"], atol=1e-15)
-    assert list(loaded.steps) == COMM.bcast(
-        list(stepping.steps)
-    )  # the seconds in it are of rank 0
+    steps = COMM.bcast(list(stepping.steps))  # the seconds in it are of rank 0
+    assert list(loaded.steps) == steps
 
 
 def test_back_to_an_earlier_step(folder):

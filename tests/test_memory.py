@@ -50,6 +50,7 @@ def test_steps_leave_nothing_for_the_collector():
     finally:
         gc.enable()
     assert sum(failed) > 0 and len(failed) > 1
+    # a failed solve used to leave 14 objects, each residual 5; Python itself may leave a few
     assert left < 10, f"{left} objects in {len(failed)} steps"
 
 
